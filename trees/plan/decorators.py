@@ -179,13 +179,12 @@ class Timeout(TimedDecorator):
     def run(self) -> Answer:
         """Tick the child, unless its time has expired."""
         port, duration_s = self.context.port, self.plan.number("msec") / 1000
-        now_s = port.clock.now_s()
         if self.until_s is None:
             if port.has_expired(self.plan, self.cycles):
                 return FAILURE
             self.status = RUNNING
-            self.until_s = now_s + duration_s
-        elif now_s >= self.until_s:
+            self.until_s = port.clock.now_s() + duration_s
+        elif self.overdue_s(self.until_s) >= 0.0:
             if self.nodes[0].status is RUNNING:
                 self.until_s = None
                 self.nodes[0].reset()
@@ -200,11 +199,13 @@ class Delay(TimedDecorator):
 
     def run(self) -> Answer:
         """Tick the child after the delay."""
-        now_s = self.context.port.clock.now_s()
         if self.until_s is None:
             self.status = RUNNING
+            now_s = self.context.port.clock.now_s()
             self.until_s = now_s + self.plan.number("delay_msec") / 1000
-        return RUNNING if now_s < self.until_s else self.tick_child()
+        if self.nodes[0].status is IDLE and self.overdue_s(self.until_s) < 0.0:
+            return RUNNING
+        return self.tick_child()
 
 
 class Precondition(PlanDecorator):
@@ -285,14 +286,14 @@ class Window(PlanDecorator):
 
     def run(self) -> Answer:
         """Wait for the begin, tick the child, halt it at the end."""
-        utc_s, ports = self.context.port.clock.utc_s(), self.plan.ports
         self.status = RUNNING
-        if "until" in ports and utc_s >= self.plan.number("until"):
+        ports = self.plan.ports
+        if "until" in ports and self.past_s(self.plan.number("until")) >= 0.0:
             self.nodes[0].reset()
             self.feedback_message = "closed"
             self.context.port.note_failure(self.plan, "the window has closed")
             return FAILURE
-        if "from" in ports and utc_s < self.plan.number("from"):
+        if "from" in ports and self.past_s(self.plan.number("from")) < 0.0:
             return RUNNING
         return self.nodes[0].execute()
 
@@ -302,5 +303,4 @@ class Window(PlanDecorator):
         if "from" not in self.plan.ports:
             return ""
         begin_utc_s = self.plan.number("from")
-        waits = self.context.port.clock.utc_s() < begin_utc_s
-        return f"waits until {time_text(begin_utc_s)}" if waits else ""
+        return f"waits until {time_text(begin_utc_s)}" if self.past_s(begin_utc_s) < 0.0 else ""

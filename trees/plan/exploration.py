@@ -4,8 +4,9 @@ The nodes are those that run aboard. The results of commands, conditions on tele
 answers are choices; a tick is repeated from the same state until each combination has been made.
 """
 
-from collections.abc import Iterator
-from typing import Any, Final, NamedTuple
+from collections.abc import Iterator, Mapping
+from math import inf
+from typing import Final, NamedTuple
 
 from executive.plans import (
     ANY,
@@ -26,13 +27,12 @@ from executive.plans import (
     input_cells,
     nodes,
 )
-from executive.values.clock import Clock
+from executive.values.clock import Clock, ManualClock
 from executive.values.reasons import Refusal
 from trees.plan.controls import Switch
-from trees.plan.decorators import Delay, QueueLoop, RunUntilFailure, Timeout, Window
-from trees.plan.leaves import PlanLeaf, Sleep
-from trees.plan.mission import OperatorQuestion, WaitFor, WaitUntil
-from trees.plan.node import FAILURE, IDLE, RUNNING, SUCCESS, Answer, PlanBehaviour
+from trees.plan.decorators import QueueLoop, RunUntilFailure
+from trees.plan.leaves import PlanLeaf
+from trees.plan.node import FAILURE, RUNNING, SUCCESS, Answer, PlanBehaviour
 from trees.plan.tree import NODES, NodeClass, PlanTree
 
 MAX_VALUES: Final = 8
@@ -49,11 +49,13 @@ class ExploredState(NamedTuple):
     Attributes:
         active: nodes with an active command, each with the cycles of the loops around it.
         done: those with a command that succeeded since the loops around them began a cycle.
+        past: the latest absolute time of a node that has passed, with its number.
     """
 
     tree: TreeState
     active: Active
     done: frozenset[tuple[int, tuple[int, ...]]]
+    past: frozenset[tuple[int, float]]
 
 
 class Transition(NamedTuple):
@@ -71,21 +73,6 @@ class Transition(NamedTuple):
     is_stop: bool
 
 
-class _Clock:
-    """Gives the chosen time once, else 0."""
-
-    next_s = 0.0
-
-    def now_s(self) -> float:
-        """Return seconds."""
-        time_s, self.next_s = self.next_s, 0.0
-        return time_s
-
-    def utc_s(self) -> float:
-        """Return the same, as UTC."""
-        return self.now_s()
-
-
 class Exploration:
     """Explores one plan; the executive's side of its tree.
 
@@ -93,7 +80,7 @@ class Exploration:
         runs: number of runs of nodes.
         reached: numbers of the nodes that ran.
         repeated: nodes that were commanded again after they succeeded.
-        satisfied: lines of `WaitFor` nodes that succeeded.
+        succeeded: numbers of those that succeeded.
         unwritten: variables that were read before they were written, each with the node.
         errors: paths of nodes with a script that could not be evaluated, with the reason.
         limits: lines and texts of parts that were not explored exactly.
@@ -101,13 +88,12 @@ class Exploration:
     """
 
     def __init__(self, plan: PlanRoot) -> None:
-        self.time = _Clock()
-        self.clock: Clock = self.time
+        self.clock: Clock = ManualClock()
         self.why = ""
         self.runs = 0
         self.reached: set[int] = set()
         self.repeated: set[int] = set()
-        self.satisfied: set[int] = set()
+        self.succeeded: set[int] = set()
         self.unwritten: dict[tuple[int, int], PlanNode] = {}
         self.errors: dict[str, str] = {}
         abstraction = Abstraction(plan, self)
@@ -118,6 +104,7 @@ class Exploration:
         self._measured = {cell for cell, _ in plan.blackboard.telemetry}
         self._active: dict[int, tuple[int, ...]] = {}
         self._done: set[tuple[int, tuple[int, ...]]] = set()
+        self._past: dict[int, float] = {}
         self._begun: set[int] = set()
         self._taken: list[list[int]] = []
         self._at = 0
@@ -125,7 +112,7 @@ class Exploration:
         self._tree = PlanTree(self._plan, self, CLASSES)
         values = self._tree.cells
         self._values: list[set[Value | None]] = [{each} for each in values]
-        self.begin = ExploredState(self._tree.state(), (), frozenset())
+        self.begin = ExploredState(self._tree.state(), (), frozenset(), frozenset())
 
     def transitions(self, state: ExploredState) -> Iterator[Transition]:
         """Yield each tick from a state."""
@@ -139,10 +126,11 @@ class Exploration:
             self._taken[-1][0] += 1
 
     def _tick(self, state: ExploredState) -> Transition:
-        self._at, self.time.next_s = 0, 0.0
+        self._at = 0
         self._alike.clear()
         self._begun.clear()
         self._active, self._done = dict(state.active), set(state.done)
+        self._past = dict(state.past)
         self._tree.load(state.tree)
         is_stop = bool(self._active) and self.choose(2) == 1
         if is_stop:
@@ -156,8 +144,8 @@ class Exploration:
         if result is not PlanResult.RUNNING:
             return Transition(result, None, begun, is_stop)
         self._widen()
-        active = tuple(sorted(self._active.items()))
-        after = ExploredState(self._tree.state(), active, frozenset(self._done))
+        active, past = tuple(sorted(self._active.items())), frozenset(self._past.items())
+        after = ExploredState(self._tree.state(), active, frozenset(self._done), past)
         return Transition(result, after, begun, is_stop)
 
     def _widen(self) -> None:
@@ -182,6 +170,14 @@ class Exploration:
         if key is not None:
             self._alike[key] = choice
         return choice
+
+    def has_passed(self, node: PlanNode, utc_s: float) -> bool:
+        """Choose whether a time has passed; an absolute one that has is past from then on."""
+        number, absolute = node.location.number, node.kind.name in {"Window", "WaitUntil"}
+        has_passed = self._past.get(number, -inf) >= utc_s or self.choose(2) == 1
+        if has_passed and absolute:
+            self._past[number] = max(utc_s, self._past.get(number, -inf))
+        return has_passed
 
     def forget(self, node: PlanNode) -> None:
         """Begin a new cycle of a loop: its steps may be done again."""
@@ -279,97 +275,35 @@ def _exploration(node: PlanBehaviour) -> Exploration:
     return port
 
 
-class _Sleep(Sleep):
-    def proceed(self) -> Answer:
-        _exploration(self).time.next_s = EXPIRED_S * _exploration(self).choose(2)
-        return super().proceed()
-
-
-class _Delay(Delay):
-    def run(self) -> Answer:
-        if self.until_s is not None and self.nodes[0].status is IDLE:
-            _exploration(self).time.next_s = EXPIRED_S * _exploration(self).choose(2)
-        elif self.until_s is not None:
-            _exploration(self).time.next_s = EXPIRED_S
-        return super().run()
-
-
-class _Timeout(Timeout):
-    def run(self) -> Answer:
-        if self.until_s is not None:
-            _exploration(self).time.next_s = EXPIRED_S * _exploration(self).choose(2)
-        return super().run()
-
-
-class _Window(Window):
-    """A window; its time continues over halts.
-
-    Attributes:
-        phase: 0 before it opens, 1 while it is open, 2 after it has closed.
-    """
-
-    memory = ("phase",)
-    phase = 0
+class _Explored(PlanBehaviour):
+    """A node that notes its runs, and has choices for times."""
 
     def run(self) -> Answer:
-        first = max(self.phase, int("from" not in self.plan.ports))
-        last = 1 + int("until" in self.plan.ports)
-        self.phase = min(first + _exploration(self).choose(last - first + 1), 2)
-        _exploration(self).time.next_s = (-EXPIRED_S, self._open_s, EXPIRED_S)[self.phase]
-        return super().run()
-
-    def on_halt(self) -> None:
-        """Leave the time as it is."""
-
-    @property
-    def _open_s(self) -> float:
-        return self.plan.number("from") if "from" in self.plan.ports else -EXPIRED_S
-
-
-class _WaitUntil(WaitUntil):
-    """A wait; its time continues over halts.
-
-    Attributes:
-        past: whether its time is over.
-    """
-
-    memory = ("past",)
-    past = False
-
-    def begin(self) -> Answer:
-        answers = [SUCCESS] if self.past else [RUNNING, SUCCESS]
-        answers += [FAILURE] * ("late_s" in self.plan.ports)
-        return self._ended(answers[_exploration(self).choose(len(answers))])
-
-    def proceed(self) -> Answer:
-        return self._ended((RUNNING, SUCCESS)[_exploration(self).choose(2)])
-
-    def _ended(self, answer: Answer) -> Answer:
-        self.past = self.past or answer is not RUNNING
-        return answer
-
-    def on_halt(self) -> None:
-        """Leave the time as it is."""
-
-
-class _WaitFor(WaitFor):
-    @property
-    def is_overdue(self) -> bool:
-        return self.until_utc_s is not None and _exploration(self).choose(2) == 1
-
-    def proceed(self) -> Answer:
-        answer = super().proceed()
+        exploration, queue = _exploration(self), self.plan.ports.get("queue")
+        exploration.runs += 1
+        exploration.reached.add(self.number)
+        if isinstance(queue, CellReference) and self.context.cells[queue.cell] == ANY:
+            exploration.limits.add((self.plan.location.line, "its queue may be any"))
+        answer: Answer = super().run()  # type: ignore[safe-super]
         if answer is SUCCESS:
-            _exploration(self).satisfied.add(self.plan.location.line)
+            exploration.succeeded.add(self.number)
+        is_loop = isinstance(self, QueueLoop | RunUntilFailure)
+        if is_loop and self.nodes[0].status is not RUNNING:
+            exploration.forget(self.plan)
         return answer
 
+    def read(self, port: str) -> Value:
+        try:
+            return super().read(port)
+        except UnknownValueError as unknown:
+            _exploration(self).note_failure(self.plan, "", unknown.cell)
+            raise
 
-class _Question(OperatorQuestion):
-    @property
-    def is_overdue(self) -> bool:
-        if self.until_utc_s is None or "default" in self.plan.ports:
-            return False
-        return _exploration(self).choose(2) == 1
+    def overdue_s(self, time_s: float) -> float:
+        return EXPIRED_S if time_s != inf and _exploration(self).choose(2) else -EXPIRED_S
+
+    def past_s(self, utc_s: float) -> float:
+        return EXPIRED_S if _exploration(self).has_passed(self.plan, utc_s) else -EXPIRED_S
 
 
 class _Position(PlanLeaf):
@@ -381,62 +315,17 @@ class _Position(PlanLeaf):
 
 
 class _Switch(Switch):
-    def _selected(self) -> int:
-        variable = self.plan.ports.get("variable")
-        if isinstance(variable, CellReference) and self.context.cells[variable.cell] is None:
-            _exploration(self).note_failure(self.plan, "", variable.cell)
-        return super()._selected()
-
     def _is_case(self, at: int, variable: Value) -> bool:
         if ANY in {variable, self.read(f"case_{at + 1}")}:
             return _exploration(self).choose(2, (self.number, at)) == 1
         return super()._is_case(at, variable)
 
 
-class _QueueLoop(QueueLoop):
-    def run(self) -> Answer:
-        queue = self.plan.ports["queue"]
-        if isinstance(queue, CellReference) and self.context.cells[queue.cell] == ANY:
-            _exploration(self).limits.add((self.plan.location.line, "its queue may be any"))
-        return _new_cycle(self, super().run())
-
-
-class _RunUntilFailure(RunUntilFailure):
-    def run(self) -> Answer:
-        return _new_cycle(self, super().run())
-
-
-def _new_cycle(loop: PlanBehaviour, answer: Answer) -> Answer:
-    if loop.nodes[0].status is not RUNNING:
-        _exploration(loop).forget(loop.plan)
-    return answer
-
-
-def _noted(base: Any) -> NodeClass:
-    """Return a class of nodes that note when they run."""
-
-    def run(self: PlanBehaviour) -> Answer:
-        _exploration(self).runs += 1
-        _exploration(self).reached.add(self.number)
-        answer: Answer = base.run(self)
-        return answer
-
-    made: NodeClass = type(base.__name__, (base,), {"run": run})
-    return made
-
-
-_EXPLORED: Final = {
-    "Sleep": _Sleep,
-    "Delay": _Delay,
-    "Timeout": _Timeout,
-    "Window": _Window,
-    "WaitUntil": _WaitUntil,
-    "WaitFor": _WaitFor,
-    "Ask": _Question,
+_OTHERS: Final[Mapping[str, NodeClass]] = {
     "Near": _Position,
     "Reachable": _Position,
-    "KeepRunningUntilFailure": _RunUntilFailure,
-    **dict.fromkeys(("LoopString", "LoopDouble", "LoopPlace"), _QueueLoop),
     **{f"Switch{cases}": _Switch for cases in range(2, 7)},
 }
-CLASSES: Final = {name: _noted(_EXPLORED.get(name, base)) for name, base in NODES.items()}
+CLASSES: Final[Mapping[str, NodeClass]] = {
+    name: type(name, (_Explored, _OTHERS.get(name, base)), {}) for name, base in NODES.items()
+}

@@ -99,7 +99,7 @@ class Sleep(TimedLeaf):
 
     def proceed(self) -> Answer:
         """Succeed at the end of the wait."""
-        if self.until_s is not None and self.context.port.clock.now_s() < self.until_s:
+        if self.until_s is not None and self.overdue_s(self.until_s) < 0.0:
             return RUNNING
         self.until_s = None
         return SUCCESS

@@ -1,6 +1,5 @@
 """The leaves of a plan that are the mission's own: waits, questions, conditions on the rover."""
 
-from abc import abstractmethod
 from math import hypot
 from typing import ClassVar
 
@@ -15,16 +14,16 @@ class WaitUntil(TimedLeaf):
 
     def begin(self) -> Answer:
         """Fail if the time has passed by more than is allowed."""
-        late_s = self.context.port.clock.utc_s() - self.plan.number("utc")
-        if "late_s" in self.plan.ports and late_s > self.plan.number("late_s"):
-            self.context.port.note_failure(self.plan, f"{late_s:.0f} s too late")
+        utc_s, ports = self.plan.number("utc"), self.plan.ports
+        if "late_s" in ports and self.past_s(utc_s + self.plan.number("late_s")) > 0.0:
+            text = f"{self.context.port.clock.utc_s() - utc_s:.0f} s too late"
+            self.context.port.note_failure(self.plan, text)
             return FAILURE
         return self.proceed()
 
     def proceed(self) -> Answer:
         """Succeed from the time on."""
-        left_s = self.plan.number("utc") - self.context.port.clock.utc_s()
-        return RUNNING if left_s > 0.0 else SUCCESS
+        return RUNNING if self.past_s(self.plan.number("utc")) < 0.0 else SUCCESS
 
     @property
     def waits(self) -> str:
@@ -58,9 +57,7 @@ class _WaitingLeaf(TimedLeaf):
     @property
     def is_overdue(self) -> bool:
         """Whether the deadline has passed."""
-        return self.until_utc_s is not None and (
-            self.context.port.clock.utc_s() >= self.until_utc_s
-        )
+        return self.until_utc_s is not None and self.past_s(self.until_utc_s) >= 0.0
 
 
 class WaitFor(_WaitingLeaf):
@@ -131,72 +128,48 @@ class OperatorQuestion(_WaitingLeaf):
         self.context.port.withdraw(self._question)
 
 
-class _PointCondition(PlanLeaf):
-    """A condition on a point; it fails if a coordinate is no number."""
+class RoverCondition(PlanLeaf):
+    """`Near`, `Reachable`, `FaultActive`: a failure has a reason."""
 
     def run(self) -> Answer:
-        """Test the point."""
+        """Test the condition."""
+        tests = {"Near": self._is_far, "Reachable": self._is_refused, "FaultActive": self._is_well}
         try:
-            x_m, y_m = self._coordinate("x"), self._coordinate("y")
+            why = tests[self.plan.kind.name]()
         except ArgumentError as error:
-            self.context.port.note_failure(self.plan, str(error))
-            return FAILURE
-        return self.test(x_m, y_m)
+            why = str(error)
+        if why:
+            self.context.port.note_failure(self.plan, why)
+        return FAILURE if why else SUCCESS
 
-    @abstractmethod
-    def test(self, x_m: float, y_m: float) -> Answer:
-        """Return the answer for a point."""
-
-    def _coordinate(self, port: str) -> float:
-        """Return a coordinate in m.
-
-        Raises:
-            ArgumentError: its variable has another text than a number.
-        """
-        value = self.read(port)
-        return number(port, value, "m") if isinstance(value, str) else float(value)
-
-
-class Near(_PointCondition):
-    """`Near`: succeeds if the rover is within a distance of a point."""
-
-    def test(self, x_m: float, y_m: float) -> Answer:
-        """Compare the position; fail if it is not known."""
+    def _is_far(self) -> str:
+        x_m, y_m = self._point()
         port = self.context.port
         here = [port.telemetry(each.value) for each in (Parameter.POS_X, Parameter.POS_Y)]
         if None in here:
-            port.note_failure(self.plan, "the position is not known")
-            return FAILURE
+            return "the position is not known"
         here_x_m, here_y_m = (float(each) for each in here if each is not None)
         distance_m = hypot(x_m - here_x_m, y_m - here_y_m)
         self.feedback_message = f"{distance_m:.2f} m away"
-        if distance_m <= self.plan.number("within"):
-            return SUCCESS
-        port.note_failure(self.plan, self.feedback_message)
-        return FAILURE
+        return "" if distance_m <= self.plan.number("within") else self.feedback_message
 
-
-class Reachable(_PointCondition):
-    """`Reachable`: succeeds if the checks would accept a motion to a point from here."""
-
-    def test(self, x_m: float, y_m: float) -> Answer:
-        """Run the checks."""
-        port = self.context.port
-        refusal = port.check_target(x_m, y_m)
+    def _is_refused(self) -> str:
+        refusal = self.context.port.check_target(*self._point())
         if refusal is None:
-            return SUCCESS
+            return ""
         self.feedback_message = refusal.text
-        port.note_failure(self.plan, refusal.text)
-        return FAILURE
+        return refusal.text
 
-
-class FaultActive(PlanLeaf):
-    """`FaultActive`: succeeds while a fault is active."""
-
-    def run(self) -> Answer:
-        """Test for the fault."""
+    def _is_well(self) -> str:
         name = self.plan.text("name")
-        if self.context.port.fault_active(name):
-            return SUCCESS
-        self.context.port.note_failure(self.plan, f"{name} is not active")
-        return FAILURE
+        return "" if self.context.port.fault_active(name) else f"{name} is not active"
+
+    def _point(self) -> tuple[float, float]:
+        """Return the coordinates in m.
+
+        Raises:
+            ArgumentError: the variable of one has another text than a number.
+        """
+        x, y = self.read("x"), self.read("y")
+        x_m = number("x", x, "m") if isinstance(x, str) else float(x)
+        return x_m, number("y", y, "m") if isinstance(y, str) else float(y)

@@ -142,6 +142,14 @@ class PlanBehaviour(Behaviour):
         """Its wait or question as text, while it is RUNNING; empty for none."""
         return ""
 
+    def overdue_s(self, time_s: float) -> float:
+        """Return the seconds since a time on the executive's clock; negative before it."""
+        return self.context.port.clock.now_s() - time_s
+
+    def past_s(self, utc_s: float) -> float:
+        """Return the seconds since an absolute time; negative before it."""
+        return self.context.port.clock.utc_s() - utc_s
+
     def on_load(self) -> None:
         """Continue after its state was loaded."""
 

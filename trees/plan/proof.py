@@ -130,11 +130,12 @@ class _Judge:
         elif PlanResult.SKIPPED in results:
             text = "the plan can end skipped, which is FAILED: put a ForceSuccess, or a step, in it"
             self._add(Level.WARNING, top, text)
-        reached, satisfied = self._exploration.reached, self._exploration.satisfied
+        reached, succeeded = self._exploration.reached, self._exploration.succeeded
+        satisfied = {self._position(self._nodes[number]) for number in succeeded}
         lines = {self._position(self._nodes[number]) for number in reached}
         for number, node in self._nodes.items():
             waited = node.kind.name == "WaitFor" and number in reached
-            if waited and node.location.line not in satisfied:
+            if waited and self._position(node) not in satisfied:
                 self._add(Level.ERROR, node, "it waits for nothing: its condition never holds")
             above = self._above.get(number)
             if above is None or above.location.number not in reached or number in reached:

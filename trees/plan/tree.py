@@ -1,6 +1,6 @@
 """`PlanTree`: the tree of one plan: its tick, its state as one flat value."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Final, TypeVar
 
 from executive.plans import (
@@ -15,7 +15,7 @@ from executive.plans import (
     Value,
 )
 from trees.plan import controls, decorators, leaves, mission
-from trees.plan.node import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Answer, PlanBehaviour, PlanRun
+from trees.plan.node import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Answer, PlanBehaviour
 
 MAX_EXECUTED_NODES: Final = 2000
 """Number of executed nodes after which a tick is not repeated; chosen."""
@@ -23,7 +23,7 @@ MAX_REPEATED_TICKS: Final = 50
 """Maximum number of ticks at once while a node yields: two reactive nodes could yield for ever."""
 
 T = TypeVar("T")
-NodeClass = Callable[[PlanNode, PlanRun, Sequence[PlanBehaviour]], PlanBehaviour]
+NodeClass = type[PlanBehaviour]
 
 _NAMES: Final[Mapping[NodeClass, str]] = {
     decorators.SubTree: "SubTree",
@@ -51,9 +51,7 @@ _NAMES: Final[Mapping[NodeClass, str]] = {
     mission.WaitUntil: "WaitUntil",
     mission.WaitFor: "WaitFor",
     mission.OperatorQuestion: "Ask",
-    mission.Near: "Near",
-    mission.Reachable: "Reachable",
-    mission.FaultActive: "FaultActive",
+    mission.RoverCondition: "Near Reachable FaultActive",
 }
 NODES: Final = {name: kind for kind, names in _NAMES.items() for name in names.split()}
 """Classes of the nodes by their names; a leaf with a command is a `CommandLeaf`."""
