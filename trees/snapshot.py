@@ -13,6 +13,7 @@ from py_trees.decorators import Decorator
 
 from executive.commands.intake import SOURCE_PREFIX
 from executive.plans import Role
+from executive.values.plan_nodes import NodeStatus as NodeStatus
 from executive.values.reports import Identity, Severity
 from trees.leaf import Condition, TakeGoal
 from trees.plan import PlanBehaviour
@@ -30,16 +31,6 @@ class NodeKind(Enum):
     TAKE = "take"
     LEAF = "leaf"
     PLANNED = "planned"
-
-
-@unique
-class NodeStatus(Enum):
-    """Status of a node's last tick; IDLE if the last tick did not reach it."""
-
-    IDLE = "idle"
-    RUNNING = "running"
-    SUCCESS = "success"
-    FAILURE = "failure"
 
 
 @unique

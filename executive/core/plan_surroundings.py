@@ -8,11 +8,12 @@ from executive.commands import Mode, MoveTo, Waypoint
 from executive.commands.intake import check_arguments, localized
 from executive.core.link_loss import GroundMonitor
 from executive.goals import Context
-from executive.plans import BATTERY_CHARGE, LINK_SILENT_S, LINK_UP, MODE, PlanRoot, Question
+from executive.plans import BATTERY_CHARGE, LINK_SILENT_S, LINK_UP, MODE, PlanRoot
 from executive.plans import UTC as UTC_NAME
 from executive.record import Notifications
 from executive.state import picture_of
 from executive.values.parameters import Parameter
+from executive.values.plan_nodes import Question
 from executive.values.reasons import Refusal
 from executive.values.reports import Identity, Severity
 

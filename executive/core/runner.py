@@ -97,10 +97,10 @@ class Executive:
 
     Attributes:
         ground: monitor of the time since the last contact with the ground.
+        plan_nodes: see `Planner.nodes`.
         predictions: predictions, and the paths that previews request.
         safety: the active faults.
-        wake: called after each `submit` or `query`, on its thread; must be thread-safe
-            and quick.
+        wake: called on their thread after each `submit` or `query`; thread-safe and quick.
     """
 
     def __init__(
@@ -164,6 +164,7 @@ class Executive:
             self.predictions.predict_plan,
             RoverSurroundings(self._context, self.ground, self._notifications),
         )
+        self.plan_nodes = self._planner.nodes
         self.authority = Authority(
             clock,
             settings.authority,

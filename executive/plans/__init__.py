@@ -28,7 +28,6 @@ from executive.plans.execution import LeafError as LeafError
 from executive.plans.execution import PlanExecution as PlanExecution
 from executive.plans.execution import PlanPort as PlanPort
 from executive.plans.execution import PlanResult as PlanResult
-from executive.plans.execution import Question as Question
 from executive.plans.execution import Steering as Steering
 from executive.plans.execution import Surroundings as Surroundings
 from executive.plans.execution import Tree as Tree
@@ -46,6 +45,7 @@ from executive.plans.model import nodes as nodes
 from executive.plans.model import part_values as part_values
 from executive.plans.model import parts_of as parts_of
 from executive.plans.model import steps as steps
+from executive.plans.node_table import question_of as question_of
 from executive.plans.nominal import TimeLimit as TimeLimit
 from executive.plans.nominal import TimeLimitEnd as TimeLimitEnd
 from executive.plans.nominal import max_commands as max_commands

@@ -28,6 +28,7 @@ from executive.plans.state import PlanState, StateCommand, TreeState
 from executive.plans.syntax import Value
 from executive.record import StepOutcome
 from executive.values.clock import Clock
+from executive.values.plan_nodes import Question
 from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity, PlanUpdate, Stage
 
@@ -56,23 +57,6 @@ class Steering(Enum):
 
 class LeafError(Exception):
     """A leaf of the tree raised; the text is its path, the cause is the exception."""
-
-
-@dataclass(frozen=True, slots=True)
-class Question:
-    """A question to the operators.
-
-    Attributes:
-        key: path of its node.
-        default: option at the deadline; None to fail then.
-        until_utc_s: the deadline, seconds since 1970-01-01 UTC; None without one.
-    """
-
-    key: str
-    text: str
-    options: tuple[str, ...]
-    default: str | None
-    until_utc_s: float | None
 
 
 @dataclass(frozen=True, slots=True)

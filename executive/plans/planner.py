@@ -2,8 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from math import dist, inf
+from dataclasses import replace
 from typing import Final, assert_never
 
 from executive.commands import (
@@ -29,6 +28,7 @@ from executive.commands.lifecycle import (
     Rejected,
     SubmitResult,
 )
+from executive.plans.active_run import ActiveRun
 from executive.plans.builder import check_plan
 from executive.plans.execution import (
     Cancel,
@@ -36,13 +36,13 @@ from executive.plans.execution import (
     PlanExecution,
     PlanHost,
     PlanResult,
-    PlanTree,
     RunningPlan,
     Steering,
     Surroundings,
     ended_steps,
 )
 from executive.plans.model import PlanNode, PlanRoot, digest_of, nodes, skipped_nodes, steps
+from executive.plans.node_table import node_reports
 from executive.plans.plan_lifecycle import (
     FINAL_STATUSES,
     MACHINE,
@@ -53,24 +53,21 @@ from executive.plans.plan_lifecycle import (
 )
 from executive.plans.recovery import (
     MAX_RESTARTS,
-    STORED_POSITION_M,
     continued_state,
     recover_state,
 )
-from executive.plans.state import MAX_STATE_LENGTH, PlanState, StateError, decode, encode, shifted
+from executive.plans.state import PlanState, StateError, decode, encode, shifted
 from executive.plans.steering import MAX_NAMED, check_steering, steered
 from executive.record import Notifications, PlanStore, StoredState
 from executive.settings import Settings
 from executive.state import MotionStatistics
 from executive.values.clock import Clock
+from executive.values.plan_nodes import PlanNodeReport
 from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity, PlanStatus, PlanUpdate, Severity
 
 _SEVERITY: Final = {PlanStatus.SUSPENDED: Severity.WARNING, PlanStatus.FAILED: Severity.ALARM}
 
-
-MAX_WAITS_LENGTH: Final = 1000
-"""Maximum length in characters of the text of waits and questions; the rest is cut."""
 
 MAX_PLANS: Final = 100
 """Maximum number of stored plans; chosen, not measured."""
@@ -82,30 +79,6 @@ UNWRITTEN_STEPS: Final = Refusal(
 )
 
 _REMOVABLE: Final = FINAL_STATUSES | {PlanStatus.SUBMITTED}
-
-
-@dataclass(slots=True)
-class _ActiveRun:
-    """The executing plan.
-
-    Attributes:
-        digest: digest of its text, arguments and nodes.
-        resumes: whether it continues by itself after a restart, near its stored position.
-        statistics: its motion statistics; None after a suspension.
-        saved: its state as last stored.
-    """
-
-    execution: PlanExecution
-    tree: PlanTree
-    digest: str
-    resumes: bool
-    statistics: MotionStatistics | None
-    saved: PlanState
-
-    @property
-    def result_figures(self) -> tuple[Figure, ...]:
-        """Its measured and predicted figures."""
-        return () if self.statistics is None else self.statistics.figures()
 
 
 PredictPlan = Callable[[str, PlanNode, Callable[[], bool]], MotionStatistics]
@@ -144,7 +117,7 @@ class Planner:
         self._cancel = cancel
         self._notifications = notifications
         self._plans = {last.plan_id: RunningPlan(last) for last in store.plans()}
-        self._run: _ActiveRun | None = None
+        self._run: ActiveRun | None = None
         self._total = 0
         self._surroundings = surroundings
         self._skipped: tuple[PlanNode, ...] = ()
@@ -165,14 +138,19 @@ class Planner:
         root = check_plan(self._store.definition(plan_id), self._settings)
         return None if isinstance(root, Refusal) else root
 
+    def nodes(self, plan_id: str) -> Sequence[PlanNodeReport] | Refusal:
+        """Return the nodes of a plan with their progress, or why they are not known."""
+        plan = self._plans.get(plan_id)
+        found = _no_plan(plan_id) if plan is None else self._with_state(plan)
+        return found if isinstance(found, Refusal) else node_reports(plan_id, *found)
+
     def check_request(self, request: PlanRequest) -> Refusal | None:
         """Return a refusal if a request cannot be executed now, or None."""
         if isinstance(request, SubmitPlan):
             return self._check_new(request.plan)
         plan = self._plans.get(request.plan_id)
         if plan is None:
-            text = f"there is no plan {request.plan_id[:64]!r}"
-            return Refusal(Reason.NO_SUCH_PLAN, text, argument=1, subject=request.plan_id)
+            return _no_plan(request.plan_id)
         match request:
             case ActivatePlan():
                 return self._rover_busy() or check_status(plan, source_states(PlanEvent.ACTIVATE))
@@ -330,26 +308,12 @@ class Planner:
         self._change(plan, PlanEvent.RESUME, text)
         return True
 
-    def _save(self, run: _ActiveRun, suspended: bool = False) -> None:
+    def _save(self, run: ActiveRun, suspended: bool = False) -> None:
         """Store the state of the executing plan in the next commit, if it changed."""
-        state, before = run.execution.state(run.tree.state()), run.saved
-        moved_m = 0.0
-        if run.resumes and state.position is not None:
-            moved_m = inf if before.position is None else dist(state.position, before.position)
-        if (
-            state._replace(position=before.position) == before
-            and moved_m < STORED_POSITION_M
-            and not suspended
-        ):
-            return
-        run.saved, self._active.waits = state, run.tree.waits()[:MAX_WAITS_LENGTH]
-        left = shifted(state, -self._clock.now_s())
-        if len(text := encode(left)) > MAX_STATE_LENGTH and not suspended:
-            raise LeafError(f"plan:{run.execution.plan.plan_id}") from StateError(
-                "too large a state"
-            )
-        stored = StoredState(run.digest, self._clock.utc_s(), suspended, text)
-        self._store.save_state(run.execution.plan.plan_id, stored)
+        stored = run.changed_state(self._clock, suspended)
+        if stored is not None:
+            self._active.waits = run.waits
+            self._store.save_state(run.execution.plan.plan_id, stored)
 
     @property
     def _executing(self) -> RunningPlan | None:
@@ -442,11 +406,13 @@ class Planner:
 
     def _steerable(self, plan: RunningPlan) -> tuple[PlanRoot, PlanState] | Refusal:
         """Return the root node and the state of a plan that can be steered."""
+        refusal = check_status(plan, set(PlanStatus) - FINAL_STATUSES)
+        return refusal or self._with_state(plan)
+
+    def _with_state(self, plan: RunningPlan) -> tuple[PlanRoot, PlanState] | Refusal:
+        """Return the root node and the present state of a plan."""
         if self._run is not None and self._run.execution.plan is plan:
-            execution = self._run.execution
-            return execution.root, execution.state(self._run.tree.state())
-        if (refusal := check_status(plan, set(PlanStatus) - FINAL_STATUSES)) is not None:
-            return refusal
+            return self._run.execution.root, self._run.state()
         if not self._store.is_durable(plan.batch):
             return UNWRITTEN_STEPS
         root = check_plan(self._store.definition(plan.plan_id), self._settings)
@@ -481,7 +447,7 @@ class Planner:
             self._stop_run(Refusal(Reason.PLAN_ABORTED, text), halts=True)
         return self._end(plan, PlanEvent.ABORT, text)
 
-    def _begin(self, plan: RunningPlan) -> _ActiveRun | None:
+    def _begin(self, plan: RunningPlan) -> ActiveRun | None:
         root = check_plan(self._store.definition(plan.plan_id), self._settings)
         if isinstance(root, Refusal):
             self._end(plan, PlanEvent.FAIL, root.text, root.reason)
@@ -508,15 +474,13 @@ class Planner:
         statistics = None
         if is_new:
             statistics = self._predict_plan(plan.plan_id, root, lambda: self._executes(execution))
-        self._run = _ActiveRun(
-            execution, tree, stored.digest, root.resumes, statistics, PlanState()
-        )
+        self._run = ActiveRun(execution, tree, stored.digest, root.resumes, statistics, PlanState())
         return self._run
 
     def _executes(self, execution: PlanExecution) -> bool:
         return self._run is not None and self._run.execution is execution
 
-    def _command(self, run: _ActiveRun, submit: Callable[[Command], SubmitResult]) -> bool:
+    def _command(self, run: ActiveRun, submit: Callable[[Command], SubmitResult]) -> bool:
         plan, execution = run.execution.plan, run.execution
         wanted = execution.take_requested()
         for step, request in wanted:
@@ -590,3 +554,8 @@ class Planner:
     def _end_run(self) -> None:
         self._run, self._active.waits = None, ""
         self._host.detach()
+
+
+def _no_plan(plan_id: str) -> Refusal:
+    text = f"there is no plan {plan_id[:64]!r}"
+    return Refusal(Reason.NO_SUCH_PLAN, text, argument=1, subject=plan_id)

@@ -10,7 +10,6 @@ from executive.plans import (
     PlanNode,
     PlanRoot,
     PlanStep,
-    Question,
     Steering,
     Value,
     nodes,
@@ -18,6 +17,7 @@ from executive.plans import (
 )
 from executive.plans.state import PlanState, decode, encode
 from executive.values.clock import Clock, ManualClock
+from executive.values.plan_nodes import Question
 from executive.values.reasons import Refusal
 from tests.support.behaviortree_cpp.traces import CellChange, Trace, TracedTick
 from tests.support.random_plans import STEP_MS, TELEMETRY, TICKS, RandomPlan

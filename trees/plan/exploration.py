@@ -19,7 +19,6 @@ from executive.plans import (
     PlanResult,
     PlanRoot,
     PlanStep,
-    Question,
     Steering,
     TreeState,
     UnknownValueError,
@@ -28,6 +27,7 @@ from executive.plans import (
     nodes,
 )
 from executive.values.clock import Clock, ManualClock
+from executive.values.plan_nodes import Question
 from executive.values.reasons import Refusal
 from trees.plan.controls import Switch
 from trees.plan.decorators import QueueLoop, RunUntilFailure

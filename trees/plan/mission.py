@@ -3,8 +3,9 @@
 from math import hypot
 from typing import ClassVar
 
-from executive.plans import ArgumentError, Question, number, parts_of
+from executive.plans import ArgumentError, number, question_of
 from executive.values.parameters import Parameter
+from executive.values.plan_nodes import Question
 from trees.plan.leaves import PlanLeaf, TimedLeaf
 from trees.plan.node import FAILURE, RUNNING, SUCCESS, Answer, time_text
 
@@ -105,14 +106,7 @@ class OperatorQuestion(_WaitingLeaf):
 
     @property
     def _question(self) -> Question:
-        default = self.plan.ports.get("default")
-        return Question(
-            self.plan.location.path,
-            self.plan.text("question"),
-            parts_of(self.plan.text("options")),
-            default if isinstance(default, str) else None,
-            self.until_utc_s,
-        )
+        return question_of(self.plan, self.until_utc_s)
 
     @property
     def waits(self) -> str:

@@ -38,6 +38,7 @@ from adapters.mrs.spec import (
     uncertainty_figures,
     wire_arguments,
     wire_definition,
+    wire_node,
     wire_update,
     with_text,
 )
@@ -48,7 +49,7 @@ from executive.faults import ClearPolicy
 from executive.safety import Fault, unmonitored
 from executive.settings import Settings
 from executive.values.parameters import ParameterValue
-from executive.values.reasons import Figure
+from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity, PlanUpdate, Report, Severity
 
 PAGE: Final = 1000
@@ -339,6 +340,15 @@ def _plan(executive: Executive, plan_id: str) -> wire.PlanDefinition:
     return wire_definition(plan)
 
 
+def _plan_nodes(executive: Executive, plan_id: str) -> tuple[wire.PlanNode, ...]:
+    found = executive.plan_nodes(plan_id)
+    if isinstance(found, Refusal):
+        if found.reason is Reason.NO_SUCH_PLAN:
+            raise with_text(AreaError.NOT_FOUND, plan_id)
+        raise with_text(AreaError.REJECTED, found.text)
+    return tuple(map(wire_node, found))
+
+
 def _arguments(executive: Executive, source: str, command_id: int) -> tuple[NamedValue, ...]:
     identity = Identity(source, command_id)
     request = executive.request_of(identity)
@@ -384,6 +394,7 @@ QUERIES: Final[tuple[tuple[str, str, Callable[..., Any]], ...]] = (
     ("Notification", "getNotifications", past_notifications),
     ("Notification", "getLastNotification", _last_notification),
     ("Plan", "getPlan", _plan),
+    ("Plan", "getPlanNodes", _plan_nodes),
     ("Plan", "getPlanStatus", _plan_updates),
     ("Status", "getFaults", _fault_status),
     ("Status", "getStatusInterval", lambda executive: executive.status_interval_s),

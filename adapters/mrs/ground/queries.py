@@ -29,6 +29,7 @@ from adapters.mrs.spec import (
     definition_of,
     frame_supplements,
     history_of,
+    plan_node_of,
     plan_update_of,
     preview_request,
     received_report,
@@ -38,6 +39,7 @@ from adapters.mrs.spec import (
 )
 from executive.commands import Motion, PlanDefinition
 from executive.history import RunHistory
+from executive.values.plan_nodes import PlanNodeReport
 from executive.values.reports import Identity, PlanUpdate
 
 T = TypeVar("T")
@@ -219,6 +221,11 @@ class Queries:
         """Return the status of plans; all without ids."""
         plans = await self._list(wire.PlanUpdate, "Plan", "getPlanStatus", plan_ids)
         return tuple(map(plan_update_of, plans))
+
+    async def get_plan_nodes(self, plan_id: str) -> tuple[PlanNodeReport, ...]:
+        """Return the nodes of a plan with their progress."""
+        found = await self._list(wire.PlanNode, "Plan", "getPlanNodes", plan_id)
+        return tuple(plan_node_of(plan_id, each) for each in found)
 
     async def get_plan(self, plan_id: str) -> PlanDefinition:
         """Return a plan as submitted."""

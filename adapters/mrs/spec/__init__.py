@@ -74,6 +74,8 @@ from adapters.mrs.spec.mapping import supplements_of as supplements_of
 from adapters.mrs.spec.mapping import to_ns as to_ns
 from adapters.mrs.spec.mapping import wire_definition as wire_definition
 from adapters.mrs.spec.mapping import wire_update as wire_update
+from adapters.mrs.spec.plan_nodes import plan_node_of as plan_node_of
+from adapters.mrs.spec.plan_nodes import wire_node as wire_node
 from adapters.mrs.spec.previews import PreviewRequest as PreviewRequest
 from adapters.mrs.spec.previews import motion_of as motion_of
 from adapters.mrs.spec.previews import preview_request as preview_request
@@ -107,6 +109,7 @@ from adapters.mrs.spec.types import PlanCheck as PlanCheck
 from adapters.mrs.spec.types import PlanCheckLevel as PlanCheckLevel
 from adapters.mrs.spec.types import PlanDefinition as PlanDefinition
 from adapters.mrs.spec.types import PlanFinding as PlanFinding
+from adapters.mrs.spec.types import PlanNode as PlanNode
 from adapters.mrs.spec.types import PlanPreview as PlanPreview
 from adapters.mrs.spec.types import PlanTrial as PlanTrial
 from adapters.mrs.spec.types import PlanUpdate as PlanUpdate

@@ -9,7 +9,7 @@ from typing import Final
 from adapters.mrs.spec import types
 from adapters.mrs.spec.mapping import MAX_TEXT_LENGTH, NS_PER_S, to_ns
 from executive.values.reports import Identity
-from trees import FaultSnapshot, NodeKind, NodeStatus, TreeNodeSnapshot, TreeSnapshot
+from trees import FaultSnapshot, NodeKind, TreeNodeSnapshot, TreeSnapshot
 
 SEPARATOR: Final = "/"
 
@@ -23,7 +23,7 @@ def whole_update(number: int, snapshot: TreeSnapshot) -> types.TreeUpdate:
             path=None if paths.next(each.name, each.depth, each.path) else each.path,
             depth=each.depth,
             kind=types.NodeKind[each.kind.name],
-            status=types.NodeStatus[each.status.name],
+            status=each.status,
             message=each.message or None,
         )
         for each in snapshot.nodes
@@ -40,7 +40,7 @@ def change_update(
     changes = tuple(
         types.NodeChange(
             index=index,
-            status=types.NodeStatus[each.status.name],
+            status=each.status,
             message=each.message or None,
         )
         for index, (before, each) in enumerate(zip(whole.nodes, snapshot.nodes, strict=True))
@@ -115,9 +115,9 @@ def _nodes(received_nodes: Sequence[types.TreeNode]) -> list[TreeNodeSnapshot]:
     for each in received_nodes:
         paths.next(each.name, each.depth, each.path)
         path = paths.last
-        kind, status = NodeKind[each.kind.name], NodeStatus[each.status.name]
+        kind = NodeKind[each.kind.name]
         nodes.append(
-            TreeNodeSnapshot(path, each.name, each.depth, kind, status, each.message or "")
+            TreeNodeSnapshot(path, each.name, each.depth, kind, each.status, each.message or "")
         )
     return nodes
 
@@ -129,9 +129,9 @@ def _changed(
     for each in changes:
         if each.index >= len(nodes):
             raise ValueError(f"index {each.index} of a changed node, the tree has {len(nodes)}")
-        old, status = nodes[each.index], NodeStatus[each.status.name]
+        old = nodes[each.index]
         changed[each.index] = TreeNodeSnapshot(
-            old.path, old.name, old.depth, old.kind, status, each.message or ""
+            old.path, old.name, old.depth, old.kind, each.status, each.message or ""
         )
     return tuple(changed)
 

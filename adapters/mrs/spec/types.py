@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 import executive.faults
+import executive.values.plan_nodes
 import executive.values.reports
 from adapters.mal import AttributeType, NamedValue, ServiceId, TypedAttribute
 
@@ -15,6 +16,7 @@ Stage = executive.values.reports.Stage
 Severity = executive.values.reports.Severity
 NotificationKind = executive.values.reports.ReportKind
 PlanStatus = executive.values.reports.PlanStatus
+NodeStatus = executive.values.plan_nodes.NodeStatus
 FileEventType = executive.values.reports.FileEventKind
 Unmonitored = executive.faults.Unmonitored
 
@@ -104,19 +106,6 @@ class NodeKind(Enum):
     TAKE = 6
     LEAF = 7
     PLANNED = 8
-
-
-class NodeStatus(Enum):
-    """Result of a behaviour-tree node at the last tick.
-
-    Attributes:
-        IDLE: Not visited in the last tick.
-    """
-
-    IDLE = 1
-    RUNNING = 2
-    SUCCESS = 3
-    FAILURE = 4
 
 
 class PlanCheckLevel(Enum):
@@ -944,6 +933,64 @@ class PlanPreview:
     total: Preview | None = None
     steps: tuple[PreviewStep, ...]
     refusal: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanQuestion:
+    """An open question of a plan to the operators.
+
+    Attributes:
+        key: Path of its node, as answerQuestion takes it.
+        text: The question.
+        options: The answers that it accepts.
+        default: The answer at the deadline. NULL: the node fails then.
+        until: The deadline. NULL: none. (ns since 1970 UTC)
+    """
+
+    key: str
+    text: str
+    options: tuple[str, ...]
+    default: str | None = None
+    until: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanNode:
+    """A node of a plan.
+
+    Attributes:
+        path: Names from the root joined by slashes; unique in the plan.
+        kind: Name of its kind in the text of the plan, e.g. Fallback.
+        line: Line of the text.
+        status: Its present status. IDLE: it has not begun, or was reset or halted.
+        result: Result of its last end, SUCCESS or FAILURE. NULL: it has not ended.
+        timestamp: When it began, ended or was halted last. NULL: it has not begun. (ns since 1970
+            UTC)
+        tries: How often it began. A node that ends at once with its last result again counts once.
+        code: Number of the reason of its last failure, as in notifications. NULL: it was not that
+            of a command.
+        text: Why it failed last.
+        unknown: Telemetry or variable that it needs and that is not known.
+        decision: Which branch it took last, and why.
+        next: End of its wait, deadline or window. (ns since 1970 UTC)
+        question: Its question while it is open.
+        commandId: Its last command, of the source plan:PLAN.
+    """
+
+    path: str
+    kind: str
+    line: int
+    status: NodeStatus
+    result: NodeStatus | None = None
+    timestamp: int | None = None
+    tries: int
+    code: int | None = None
+    text: str | None = None
+    unknown: str | None = None
+    decision: str | None = None
+    next: int | None = None
+    question: PlanQuestion | None = None
+    commandId: int | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
