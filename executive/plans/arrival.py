@@ -1,4 +1,4 @@
-"""Arithmetic of times: earliest and latest arrival at each node, and the windows that it misses.
+"""Arithmetic of times: when each node can end, the windows that it misses, its instant answers.
 
 Deadlines, waits and loops are summed along the tree. A plan without a planned begin begins in time
 for its first absolute time. The sums start there.
@@ -57,6 +57,15 @@ def arrival_faults(plan: PlanRoot, begin_utc_s: float | None) -> list[TimeFault]
     return walk.faults
 
 
+def instant_answers(node: PlanNode) -> frozenset[str]:
+    """Return the answers that a node can give in its first tick: S, F or K (skipped)."""
+    ends = _Walk(relative=True).ends(node, _Span(0.0, 0.0), inf)
+    pairs = zip("SFK", ends, strict=True)
+    return frozenset(answer for answer, at in pairs if at is not None and at.early == 0.0)
+
+
+_TICK_S: Final = 1e-9
+"""Minimum time of a command or a wait: it is not over in its first tick."""
 _ELSE: Final = {"SUCCESS": "success", "FAILURE": "failure", "SKIPPED": "skipped"}
 
 
@@ -90,7 +99,7 @@ class _Walk:
 
     def _ends(self, node: PlanNode, at: _Span, limit: float) -> _Ends:
         if isinstance(node, PlanStep):
-            end = at.later(0.0, inf if node.deadline_s is None else node.deadline_s)
+            end = at.later(_TICK_S, inf if node.deadline_s is None else node.deadline_s)
             return _Ends(end, end)
         below, name = node.children, node.kind.name
         if name in {"Sleep", "Delay"}:
@@ -101,7 +110,7 @@ class _Walk:
             allowed_s = node.number("deadline_s") if "deadline_s" in node.ports else inf
             fails = name == "WaitFor" or "default" not in node.ports
             failure = at.later(allowed_s, allowed_s) if fails else None
-            return _Ends(at.later(0.0, allowed_s), failure)
+            return _Ends(at.later(_TICK_S, allowed_s), failure)
         if name in LOOPS or name.startswith("Loop"):
             return self._loop(node, at, limit)
         special = {"WaitUntil": self._wait, "Window": self._window, "Timeout": self._timeout}
@@ -116,7 +125,7 @@ class _Walk:
             return found._replace(failure=_hull(*self.ends(below[-1], found.failure, limit)))
         if name.startswith(("Parallel", "Switch")):
             ends = [self.ends(each, at, limit) for each in below]
-            return self._parallel(ends) if name.startswith("P") else _either(ends)
+            return self._parallel(node, ends) if name.startswith("P") else _either(ends)
         if name in {"IfThenElse", "WhileDoElse"}:
             tested = self.ends(below[0], at, limit)
             pairs = zip(below[1:], tested, strict=False)
@@ -139,9 +148,10 @@ class _Walk:
             case "ForceFailure":
                 return _Ends(None, end, found.skipped)
             case "RunOnce":
-                return found._replace(skipped=at)
+                again = _Ends(None, None, at) if node.ports["then_skip"] else _Ends(at, at)
+                return _either((found, again))
             case "KeepRunningUntilFailure":
-                return _Ends(None, _Span(at.early, inf))
+                return _Ends(None, found.failure and _Span(found.failure.early, inf))
             case "Precondition" if node.text("else") in _ELSE:
                 return _either((found, _Ends(**{_ELSE[node.text("else")]: at})))
             case _:
@@ -208,12 +218,16 @@ class _Walk:
         return _Ends(*ends, skipped)
 
     @staticmethod
-    def _parallel(found: list[_Ends]) -> _Ends:
+    def _parallel(node: PlanNode, found: list[_Ends]) -> _Ends:
+        needed = node.ports.get("success_count", len(found))
+        assert isinstance(needed, int)
         given = [each for one in found if (each := _hull(one.success, one.skipped)) is not None]
         success = _hull(*given)
-        if success is not None and len(given) == len(found):
-            success = _Span(max(each.early for each in given), success.late)
-        return _Ends(success, _hull(*(each.failure for each in found)))
+        if success is not None and len(given) >= needed:
+            success = _Span(sorted(each.early for each in given)[needed - 1], success.late)
+        is_skipped = all(each.skipped for each in found)
+        skipped = found[-1].skipped if is_skipped else None
+        return _Ends(success, _hull(*(each.failure for each in found)), skipped)
 
     def _loop(self, node: PlanNode, at: _Span, limit: float) -> _Ends:
         """Return the ends of a loop; only its first cycle is tested for faults."""

@@ -110,12 +110,14 @@ class _Expansion:
 
     Attributes:
         drafts: the nodes.
+        subtrees: inner scope and ports of each `SubTree`, with its element.
     """
 
     def __init__(
         self, trees: Mapping[str, Element], defaults: Mapping[str, Mapping[str, str]]
     ) -> None:
         self.drafts: list[_Draft] = []
+        self.subtrees: list[tuple[Element, Scope, Mapping[str, str]]] = []
         self._trees = trees
         self._defaults = defaults
         self._count = self._operations = 0
@@ -182,6 +184,7 @@ class _Expansion:
         autoremap = element.attributes.get(AUTOREMAP, "false").lower() in {"true", "1"}
         inner = Scope(scope.cells, f"{location.path.partition('/')[2]}/", scope, autoremap)
         given = texts if autoremap else {**self._defaults.get(tree, {}), **texts}
+        self.subtrees.append((element, inner, texts))
         for name, text in given.items():
             outer = variable(text, name)
             if outer is not None:
@@ -419,7 +422,8 @@ def _read(definition: PlanDefinition) -> PlanRoot:
     for argument in definition.arguments:
         scope.set(argument.name, argument.text)
     expansion = _Expansion(trees, subtree_defaults(root))
-    built = expansion.tree(main_tree(root, trees), f"plan:{definition.plan_id}", scope)
+    main = main_tree(root, trees)
+    built = expansion.tree(main, f"plan:{definition.plan_id}", scope)
     _require_used(definition.arguments, root.children, scope)
     for argument in definition.arguments:
         if argument.name in scope.measured & TELEMETRY.keys():
@@ -435,7 +439,24 @@ def _read(definition: PlanDefinition) -> PlanRoot:
         except ArgumentError as error:
             raise draft.element.error(_ARGUMENT, str(error)) from error
     board, resumes = cells.blackboard(), resumes_after_restart(root)
-    return PlanRoot(built.location, built.kind, built.children, {}, {}, board, resumes)
+    unused = tuple(_unused(trees, main, expansion.subtrees))
+    return PlanRoot(built.location, built.kind, built.children, {}, {}, board, resumes, unused)
+
+
+def _unused(
+    trees: Mapping[str, Element],
+    main: str,
+    subtrees: Iterable[tuple[Element, Scope, Mapping[str, str]]],
+) -> Iterator[tuple[int, str]]:
+    """Yield the trees that nothing runs, and the ports that a tree does not read."""
+    for name in trees.keys() - {main, *(each.attributes["ID"] for each, *_ in subtrees)}:
+        text = f"nothing runs the tree {name}: remove it, or run it by a SubTree"
+        yield trees[name].line, text
+    for element, inner, texts in subtrees:
+        for name in texts.keys() - inner.used:
+            near = suggest(name, sorted(inner.used)) or ": remove it"
+            text = f"the tree {element.attributes['ID']} does not read {name}{near}"
+            yield element.line, text
 
 
 def _require_used(

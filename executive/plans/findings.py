@@ -3,18 +3,16 @@
 The reader refuses what cannot run; nothing is found twice.
 """
 
-import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
-from executive.commands import PlanDefinition
 from executive.plans.abstraction import cells_of_script, input_cells, scripts_of
 from executive.plans.arguments import suggest
-from executive.plans.arrival import arrival_faults
-from executive.plans.dialect import LINK_UP, MODE, SUBTREE, TELEMETRY
+from executive.plans.arrival import arrival_faults, instant_answers
+from executive.plans.dialect import LINK_UP, MODE, TELEMETRY
 from executive.plans.model import (
     LOOPS,
     CellReference,
@@ -24,7 +22,6 @@ from executive.plans.model import (
     nodes,
     parts_of,
 )
-from executive.plans.plan_xml import AUTOREMAP, Element, main_tree, ports_of, read_xml, trees_of
 from executive.plans.scripting import case_matches, text_of
 from executive.plans.syntax import ASSIGNMENTS, COMPARE, LITERAL, NAME, Value, expressions
 
@@ -62,30 +59,22 @@ class Finding:
         return f"line {self.line}: {self.level.value}: {at}{self.text}"
 
 
-Answers = frozenset[str]
-"""Answers that a node can give in its first tick: S, F or K (skipped)."""
-
-_ALL_ANSWERS: Final = frozenset("SFK")
 _RELATIVE: Final = frozenset({"moveForward", "rotateBy", "drive", "moveCameraAngles"})
 """Commands with an effect relative to the pose of the rover when they start."""
 _WHOLE: Final = frozenset({LINK_UP, MODE})
 """Telemetry with whole numbers only."""
 _LOOPS: Final = {*LOOPS, "KeepRunningUntilFailure", "LoopString", "LoopDouble", "LoopPlace"}
-_ELSE: Final = {"SUCCESS": "S", "FAILURE": "F", "SKIPPED": "K"}
 
 
-def find_faults(
-    plan: PlanRoot, definition: PlanDefinition, begin_utc_s: float | None = None
-) -> tuple[Finding, ...]:
+def find_faults(plan: PlanRoot, begin_utc_s: float | None = None) -> tuple[Finding, ...]:
     """Return the findings on a plan, by line, each line of text with each fault once.
 
     Args:
         plan: the plan as it was read.
-        definition: its text.
         begin_utc_s: planned begin, seconds since 1970-01-01 UTC; by default it begins in time for
             its first absolute time.
     """
-    found = list(_unused(definition))
+    found = [Finding(Level.WARNING, line, "", text) for line, text in plan.unused]
     found += [
         Finding.of(Level.ERROR if always else Level.WARNING, node, text)
         for node, always, text in arrival_faults(plan, begin_utc_s)
@@ -110,7 +99,8 @@ def _reactive(node: PlanNode) -> Iterator[tuple[Level, str]]:
     passes = frozenset("SK" if node.kind.name == "ReactiveSequence" else "FK")
     for at, child in enumerate(node.children[:-1]):
         later = node.children[at + 1 :]
-        if not passes & instant_answers(child) and any(map(takes_time, later)):
+        instant = passes & instant_answers(child) and not any(map(_can_be_late, nodes(child)))
+        if not instant and any(map(takes_time, later)):
             what = "a command" if any(map(_is_step, nodes(child))) else "a wait"
             name = child.location.name
             remedy = "put it into a Sequence around this node, or make it the last child"
@@ -120,6 +110,10 @@ def _reactive(node: PlanNode) -> Iterator[tuple[Level, str]]:
                 continue
             yield Level.ERROR, f"{what} in {name} begins again in each tick: {remedy}"
             return
+
+
+def _can_be_late(node: PlanNode) -> bool:
+    return node.kind.name == "WaitUntil" and "late_s" in node.ports
 
 
 def _only_waits_for(child: PlanNode) -> bool:
@@ -214,56 +208,6 @@ def takes_time(node: PlanNode) -> bool:
 _TIMED: Final = frozenset(
     {"Sleep", "Delay", "WaitUntil", "WaitFor", "Ask", "Window", "KeepRunningUntilFailure"}
 )
-
-
-def instant_answers(node: PlanNode) -> Answers:
-    """Return the answers that a node can give in its first tick."""
-    found = _instant(node)
-    for condition, answer in (("_failureIf", "F"), ("_successIf", "S"), ("_skipIf", "K")):
-        found |= frozenset(answer if condition in node.conditions else "")
-    return found | frozenset("K" if "_while" in node.conditions else "")
-
-
-def _instant(node: PlanNode) -> Answers:
-    name = node.kind.name
-    if isinstance(node, PlanStep) or name in {"Sleep", "WaitFor", "Ask", "Delay"}:
-        return frozenset()
-    below = [instant_answers(each) for each in node.children]
-    match name:
-        case "AlwaysSuccess" | "SetBlackboard":
-            return frozenset("S")
-        case "AlwaysFailure":
-            return frozenset("F")
-        case "WaitUntil":
-            return frozenset("F" if "late_s" in node.ports else "S")
-        case "RunOnce":
-            return below[0] | frozenset("K" if node.ports["then_skip"] else "SF")
-        case "Precondition":
-            return below[0] | frozenset(_ELSE.get(node.text("else"), ""))
-        case "Inverter":
-            return frozenset({"S": "F", "F": "S", "K": "K"}[each] for each in below[0])
-        case "ForceSuccess" | "ForceFailure":
-            end = "S" if name == "ForceSuccess" else "F"
-            return frozenset("K" if each == "K" else end for each in below[0])
-        case "Sequence" | "AsyncSequence" | "SequenceWithMemory" | "ReactiveSequence":
-            return _in_order(below, "S", "F")
-        case "Fallback" | "AsyncFallback" | "ReactiveFallback":
-            return _in_order(below, "F", "S")
-        case _:
-            return frozenset().union(*below) if below else _ALL_ANSWERS - {"K"}
-
-
-def _in_order(below: list[Answers], passes: str, ends: str) -> Answers:
-    found: set[str] = set()
-    for answers in below:
-        found |= answers & {ends}
-        if not answers & {passes, "K"}:
-            return frozenset(found)
-    if any(passes in each for each in below):
-        found.add(passes)
-    if all("K" in each for each in below):
-        found.add("K")
-    return frozenset(found)
 
 
 def _cells_read(node: PlanNode) -> Iterator[int]:
@@ -365,46 +309,3 @@ def _never(name: str, value: Value, values: set[Value]) -> str:
     known = sorted(map(text_of, values))
     near = suggest(text_of(value), known)
     return f"{name} is never {text_of(value)!r}{near or ', only ' + ', '.join(known)}"
-
-
-def _unused(definition: PlanDefinition) -> Iterator[Finding]:
-    """Yield the trees that nothing runs, and the ports that a tree does not read."""
-    root = read_xml(definition.content)
-    trees = trees_of(root)
-    used, todo = set[str](), [main_tree(root, trees)]
-    while todo:
-        name = todo.pop()
-        if name not in used:
-            used.add(name)
-            todo += (each.attributes["ID"] for each in _subtrees(trees[name]))
-    for name, tree in trees.items():
-        if name not in used:
-            remedy = "remove it, or run it by a SubTree"
-            yield Finding(Level.WARNING, tree.line, "", f"nothing runs the tree {name}: {remedy}")
-    for name in used:
-        for element in _subtrees(trees[name]):
-            inner = element.attributes["ID"]
-            read_there = _names(trees[inner], trees)
-            for port in ports_of(element):
-                if port not in read_there:
-                    near = suggest(port, sorted(read_there)) or ": remove it"
-                    text = f"the tree {inner} does not read {port}{near}"
-                    yield Finding(Level.WARNING, element.line, "", text)
-
-
-_WORD: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-
-
-def _subtrees(tree: Element) -> list[Element]:
-    return [each for each in tree.elements() if each.tag == SUBTREE]
-
-
-def _names(tree: Element, trees: dict[str, Element]) -> set[str]:
-    """Return all texts in the attributes of a tree that could be names of its variables."""
-    found: set[str] = set()
-    for element in tree.elements():
-        for attribute, text in element.attributes.items():
-            found |= {attribute if text == "{=}" else text.strip("{}"), *_WORD.findall(text)}
-        if element.tag == SUBTREE and AUTOREMAP in element.attributes:
-            found |= _names(trees[element.attributes["ID"]], trees)
-    return found

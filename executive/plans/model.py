@@ -154,10 +154,12 @@ class PlanRoot(PlanNode):
 
     Attributes:
         resumes: whether it continues by itself after a restart of the executive.
+        unused: trees that nothing runs and ports that no node reads, as lines and texts.
     """
 
     blackboard: Blackboard
     resumes: bool = False
+    unused: tuple[tuple[int, str], ...] = ()
 
 
 def digest_of(definition: PlanDefinition, root: PlanNode) -> str:

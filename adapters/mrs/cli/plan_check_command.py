@@ -90,7 +90,7 @@ def check(
     """
     definition = definition_of(file, plan_id, arguments)
     plan = _checked(file, definition, asset, as_json)
-    found = find_faults(plan, definition, begin_utc_s)
+    found = find_faults(plan, begin_utc_s)
     leaves, commands = len(steps(plan)), max_commands(plan)
     text = f"{definition.plan_id}: {leaves} leaves, {commands} commands at most"
     _print(definition, found, text, as_json, leaves=leaves, commands=commands)

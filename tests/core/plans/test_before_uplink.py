@@ -36,7 +36,7 @@ def read(plan: PlanDefinition) -> PlanRoot:
 def faults(plan: PlanDefinition, begin_utc_s: float | None = None) -> list[Finding]:
     """Return what both checks find, without notes."""
     root = read(plan)
-    found = [*find_faults(root, plan, begin_utc_s), *prove(root).findings]
+    found = [*find_faults(root, begin_utc_s), *prove(root).findings]
     return [each for each in found if each.level is not Level.NOTE]
 
 
@@ -370,7 +370,7 @@ def test_a_wait_that_guards_in_each_tick_is_a_warning() -> None:
     plan = definition(f"""<Timeout msec="600000"><ReactiveSequence> {HERE}
         <WaitFor if="@BATERY_VOLTAGE &gt; 24" deadline_s="60"/>
         {DRIVE}</ReactiveSequence></Timeout>""")
-    (found,) = (each for each in find_faults(read(plan), plan) if each.level is not Level.NOTE)
+    (found,) = (each for each in find_faults(read(plan)) if each.level is not Level.NOTE)
     assert (found.level, found.line) == (Level.WARNING, line_of(plan))
     assert found.text.startswith("WaitFor begins again in each tick, and halts")
 
@@ -386,7 +386,7 @@ def test_a_planned_begin_decides_which_windows_are_missed() -> None:
         noon_s + 60: [(Level.ERROR, "it is always missed, by 60 s at least")],
     }
     for begin_s, expected in levels.items():
-        found = find_faults(read(plan), plan, begin_s)
+        found = find_faults(read(plan), begin_s)
         assert [(each.level, each.text.partition(":")[0]) for each in found] == expected
 
 
@@ -394,7 +394,7 @@ def test_nested_loops_are_checked_in_time() -> None:
     loop, end = '<RetryUntilSuccessful num_attempts="2">', "</RetryUntilSuccessful>"
     plan = definition(f"{loop * 12}{PICTURE}{end * 12}")
     begin_s = process_time()
-    assert find_faults(read(plan), plan) == ()
+    assert find_faults(read(plan)) == ()
     assert process_time() - begin_s < 0.5
 
 
@@ -403,7 +403,7 @@ def test_a_mission_is_without_a_fault(mission: Path) -> None:
     plan = PlanDefinition(mission.stem, mission.name, FORMAT, mission.read_bytes())
     root = read(plan)
     begin_s = process_time()
-    found = find_faults(root, plan)
+    found = find_faults(root)
     checked_s = process_time()
     proof = prove(root)
     assert [each for each in found if each.level is not Level.NOTE] == []
