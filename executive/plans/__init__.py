@@ -10,6 +10,7 @@ from executive.plans.builder import check_bounds as check_bounds
 from executive.plans.builder import check_plan as check_plan
 from executive.plans.builder import read_plan as read_plan
 from executive.plans.dialect import BATTERY_CHARGE as BATTERY_CHARGE
+from executive.plans.dialect import CONDITIONS as CONDITIONS
 from executive.plans.dialect import DEADLINE as DEADLINE
 from executive.plans.dialect import DIALECT as DIALECT
 from executive.plans.dialect import ENERGY_USED as ENERGY_USED
@@ -17,10 +18,13 @@ from executive.plans.dialect import LEAVES as LEAVES
 from executive.plans.dialect import LINK_SILENT_S as LINK_SILENT_S
 from executive.plans.dialect import LINK_UP as LINK_UP
 from executive.plans.dialect import MODE as MODE
+from executive.plans.dialect import POSTCONDITIONS as POSTCONDITIONS
+from executive.plans.dialect import PRECONDITIONS as PRECONDITIONS
 from executive.plans.dialect import TELEMETRY as TELEMETRY
 from executive.plans.dialect import UTC as UTC
 from executive.plans.dialect import NodeKind as NodeKind
 from executive.plans.dialect import Port as Port
+from executive.plans.dialect import PortType as PortType
 from executive.plans.dialect import Role as Role
 from executive.plans.dialect import palette as palette
 from executive.plans.execution import CommandOutcome as CommandOutcome
@@ -53,6 +57,11 @@ from executive.plans.nominal import nominal_steps as nominal_steps
 from executive.plans.plan_lifecycle import FINAL_STATUSES as FINAL_STATUSES
 from executive.plans.plan_lifecycle import ActivePlans as ActivePlans
 from executive.plans.plan_xml import FORMAT as FORMAT
+from executive.plans.plan_xml import Element as Element
+from executive.plans.plan_xml import main_tree as main_tree
+from executive.plans.plan_xml import ports_of as ports_of
+from executive.plans.plan_xml import read_xml as read_xml
+from executive.plans.plan_xml import trees_of as trees_of
 from executive.plans.planner import Planner as Planner
 from executive.plans.scripting import Cells as Cells
 from executive.plans.scripting import EvaluationError as EvaluationError
@@ -60,10 +69,6 @@ from executive.plans.scripting import Script as Script
 from executive.plans.scripting import UnknownValueError as UnknownValueError
 from executive.plans.scripting import case_matches as case_matches
 from executive.plans.scripting import text_of as text_of
-from executive.plans.sequence import FIRST_LINE as FIRST_LINE
-from executive.plans.sequence import WrittenStep as WrittenStep
-from executive.plans.sequence import sequence_xml as sequence_xml
-from executive.plans.sequence import steps_of as steps_of
 from executive.plans.state import PlanState as PlanState
 from executive.plans.state import StateError as StateError
 from executive.plans.state import TreeState as TreeState

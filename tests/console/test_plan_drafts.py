@@ -73,6 +73,10 @@ async def test_steps_are_written_read_back_and_previewed(rover: Aboard, tmp_path
             None,
             "line 3: Fallback is no step of a single sequence",
         )
+        assert [(each["depth"], each["kind"], each["text"]) for each in other["outline"]] == [
+            (0, "Fallback", ""),
+            (1, "moveForward", "distance 4, deadline_s 60"),
+        ]
         assert other["preview"]["total"]
         asked = tree.replace('"4"', '"{far}"', 2).replace('format="{far}"', 'format="4"')
         problem = (await drafted(anna, xml=asked))["problem"]

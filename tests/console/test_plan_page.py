@@ -127,6 +127,55 @@ async def test_refusals_are_shown_beside_steps_and_typed_text_remains(
         assert [each for each in stored["objects"] if each["key"].startswith("plan")] == []
 
 
+async def test_waits_questions_and_conditions_are_steps(launch: Launch, tmp_path: Path) -> None:
+    async with page_of_plans(tmp_path, launch().uri) as (_, page):
+        check, palette = page.get_by_test_id("plan-check"), page.get_by_label("add a wait")
+        await click_map(page, 1.0, 0.0)
+        await palette.select_option("Ask")
+        await expect(steps(page).nth(1)).to_contain_text("fill in question, options")
+        for field, value in QUESTION.items():
+            await page.get_by_label(field, exact=True).fill(value)
+        await expect(check).to_contain_text("Valid")
+        await page.get_by_role("button", name="+ takePicture").click()
+        await page.get_by_text("conditions and scripts").click()
+        await page.get_by_label("step skip if").fill("choise != 'cross'")
+        await expect(steps(page).nth(2).locator("> .problem")).to_contain_text(
+            "nothing sets choise"
+        )
+        await page.get_by_label("step skip if").fill("choice != 'cross'")
+        await page.get_by_label("step only if").fill("@BATERY_VOLTAGE > 22")
+        await page.get_by_label("step else").select_option("SKIPPED")
+        await expect(check).to_contain_text("Valid")
+        await palette.select_option("WaitFor")
+        await page.get_by_label("if", exact=True).fill("@LINK_UP")
+        await page.get_by_label("deadline_s", exact=True).fill("60")
+        await expect(steps(page).nth(3)).to_contain_text("if @LINK_UP")
+        await expect(check).to_contain_text("Valid")
+        await is_accessible(page)
+        await page.screenshot(path=ARTIFACTS / "console-plan-conditions.png")
+        shown = await steps(page).all_inner_texts()
+        await page.get_by_role("button", name="XML", exact=True).click()
+        text = page.get_by_label("plan", exact=True)
+        guarded = '<Precondition if="@BATERY_VOLTAGE &gt; 22" else="SKIPPED"><takePicture '
+        await expect(text).to_have_value(re.compile(guarded))
+        await text.fill(f"{await text.input_value()}<!-- typed -->")
+        await expect(check).to_contain_text("Valid")
+        await page.get_by_role("button", name="steps", exact=True).click()
+        await expect(steps(page)).to_have_count(4)
+        await steps(page).nth(3).get_by_role("button", expanded=False).click()
+        await expect(steps(page).nth(2)).to_contain_text("skip if choice != 'cross'")
+        assert await steps(page).all_inner_texts() == shown
+
+
+QUESTION = {
+    "question": "cross the ditch?",
+    "options": "cross;stay",
+    "default": "stay",
+    "deadline_s": "600",
+    "answer": "{choice}",
+}
+
+
 def steps(page: Page) -> Locator:
     return page.locator(".steps .step")
 

@@ -9,6 +9,7 @@ import re
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import Enum
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,19 +17,12 @@ from aiohttp import web
 
 from adapters.console.requests.commanding import Commanding
 from adapters.console.requests.objects import plan_of
+from adapters.console.requests.plan_steps import FIRST_LINE as FIRST_STEP_LINE
+from adapters.console.requests.plan_steps import DraftStep, WrittenStep, sequence_xml, steps_of
 from adapters.console.web import RequestError, body_of, invalid, is_number, json_response, text_of
 from adapters.mrs.spec import PlanPreview
-from executive.commands import PlanDefinition, argument_values, declaration_of
-from executive.plans import FIRST_LINE as FIRST_STEP_LINE
-from executive.plans import (
-    PlanNode,
-    PlanStep,
-    WrittenStep,
-    check_bounds,
-    read_plan,
-    sequence_xml,
-    steps_of,
-)
+from executive.commands import PlanDefinition, Waypoint
+from executive.plans import CellReference, PlanNode, Script, check_bounds, nodes, read_plan
 from executive.settings import config_folder
 from executive.values.reasons import Refusal
 
@@ -37,22 +31,21 @@ _COMMENT: Final = re.compile(r"<!--\s*(.*?)\s*(?:-->|\n)")
 
 
 @dataclass(frozen=True, slots=True)
-class DraftStep:
-    """A step of a draft.
+class OutlineNode:
+    """A node of a plan.
 
     Attributes:
-        node: path of its leaf, as in `PlanProgress` and in previews.
-        name, operation: name of its node, and of its leaf.
-        args: arguments by name, in SI units and radians, as in `CommandStatus`.
-        deadline: timeout, s; None if the plan sets another limit.
+        path: names from the root, joined by slashes, as in the node table of a plan.
+        depth: 0 for the root of the main tree.
+        text: its ports and conditions.
         line: its line in the XML.
     """
 
-    node: str
+    path: str
     name: str
-    operation: str
-    args: dict[str, Any]
-    deadline: float | None
+    kind: str
+    depth: int
+    text: str
     line: int
 
 
@@ -83,6 +76,7 @@ class PlanDraft:
         xml: its text.
         steps: its steps, also if bounds are exceeded; None if it is not valid or no sequence.
         not_steps: why a valid plan has no list of steps.
+        outline: the nodes of such a plan, in depth-first order.
         problem: why it would be refused; None for a valid plan.
         preview: its preview by the rover, if there is no problem.
         not_previewed: why there is no preview that was requested.
@@ -92,6 +86,7 @@ class PlanDraft:
     xml: str
     steps: tuple[DraftStep, ...] | None
     not_steps: str | None
+    outline: tuple[OutlineNode, ...]
     problem: DraftProblem | None
     preview: PlanPreview | None
     not_previewed: str | None
@@ -136,18 +131,26 @@ class DraftRequests:
         definition = _definition_of(body)
         settings, root = self._commanding.settings(asset), read_plan(definition)
         refusal: Refusal | None
+        steps: tuple[DraftStep, ...] | None = None
+        outline: tuple[OutlineNode, ...] = ()
+        not_steps = None
         if isinstance(root, Refusal):
-            refusal, steps, not_steps = root, None, None
+            refusal = root
         else:
             refusal = None if settings is None else check_bounds(root, settings)
-            steps, not_steps = _steps(root)
+            found = steps_of(root, definition.content)
+            if isinstance(found, tuple):
+                steps = found
+            else:
+                location, outline = found.location, outline_of(root)
+                not_steps = f"line {location.line}: {location.name} is no step of a single sequence"
         problem = None if refusal is None else _problem(refusal, steps, "xml" not in body)
         preview, not_previewed = None, None
         if problem is None and body.get("preview", True):
             preview, not_previewed = await self._preview(asset, definition)
         plan_id, xml = definition.plan_id, definition.content.decode()
         return json_response(
-            PlanDraft(plan_id, xml, steps, not_steps, problem, preview, not_previewed)
+            PlanDraft(plan_id, xml, steps, not_steps, outline, problem, preview, not_previewed)
         )
 
     async def _preview(
@@ -158,6 +161,39 @@ class DraftRequests:
                 return await self._commanding.preview_plan(asset, plan), None
         except RequestError as error:
             return None, error.problem.error
+
+
+def outline_of(root: PlanNode) -> tuple[OutlineNode, ...]:
+    """Return the nodes of a plan below its root."""
+    return tuple(
+        OutlineNode(at.path, at.name, node.kind.name, at.path.count("/") - 1, _about(node), at.line)
+        for node in nodes(root)
+        if (at := node.location).number != root.location.number
+    )
+
+
+def _about(node: PlanNode) -> str:
+    given = {**node.ports, **node.conditions}
+    return ", ".join(f"{name} {_text(value)}" for name, value in given.items())
+
+
+def _text(value: object) -> str:
+    match value:
+        case Script():
+            return value.text
+        case CellReference():
+            return f"{{{value.name}}}"
+        case tuple():
+            return ";".join(map(_text, value))
+        case Waypoint():
+            parts = (value.x_m, value.y_m, value.heading_rad)
+            return ",".join(f"{each:g}" for each in parts if each is not None)
+        case float():
+            return f"{value:g}"
+        case Enum():
+            return str(value.value)
+        case _:
+            return str(value)
 
 
 def templates(folder: Path) -> list[PlanTemplate]:
@@ -194,30 +230,21 @@ def _written(given: object) -> list[WrittenStep]:
 
 def _written_step(field: str, given: object) -> WrittenStep:
     if not isinstance(given, Mapping) or not isinstance(given.get("args", {}), Mapping):
-        raise invalid(field, "an object {operation, args, name?, deadline?} is needed")
+        text = "an object {operation, args, name?, deadline?, conditions?} is needed"
+        raise invalid(field, text)
     name, deadline_s = given.get("name") or None, given.get("deadline")
     if not isinstance(given.get("operation"), str) or not isinstance(name, str | None):
         raise invalid(field, "operation, and name if given, are texts")
     if deadline_s is not None and not is_number(deadline_s):
         raise invalid(field, "deadline: seconds are needed")
-    return WrittenStep(given["operation"], given.get("args", {}), name, deadline_s)
+    conditions = given.get("conditions", {})
+    if not isinstance(conditions, Mapping) or not all(map(_is_text, conditions.values())):
+        raise invalid(field, "conditions: an object of texts is needed")
+    return WrittenStep(given["operation"], given.get("args", {}), name, deadline_s, conditions)
 
 
-def _steps(root: PlanNode) -> tuple[tuple[DraftStep, ...] | None, str | None]:
-    """Return the steps of a plan, or the reason why it has no list of steps."""
-    found = steps_of(root)
-    if isinstance(found, tuple):
-        return tuple(map(_step, found)), None
-    location = found.location
-    return None, f"line {location.line}: {location.name} is no step of a single sequence"
-
-
-def _step(step: PlanStep) -> DraftStep:
-    location, request = step.location, step.request
-    assert request is not None  # a plan with other steps has no list of steps
-    operation = declaration_of(type(request)).name
-    args = argument_values(request)
-    return DraftStep(location.path, location.name, operation, args, step.deadline_s, location.line)
+def _is_text(value: object) -> bool:
+    return isinstance(value, str)
 
 
 def _problem(

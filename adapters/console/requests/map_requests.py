@@ -9,9 +9,10 @@ from typing import Any, Final
 from aiohttp import web
 
 from adapters.console.requests.commanding import Commanding
+from adapters.console.requests.plan_steps import commands_of
 from adapters.console.web import invalid, json_response, refused
 from executive.commands import FollowPath, Motion, MoveTo, argument_values, declaration_of
-from executive.plans import PlanNode, PlanStep, check_plan, nominal_steps, steps, steps_of
+from executive.plans import PlanNode, PlanStep, check_plan, nominal_steps, steps
 from executive.settings import Settings, TargetFrame
 from executive.values.geometry import Pose
 from executive.values.reasons import Refusal
@@ -90,8 +91,8 @@ def route_of(
 
 def _remaining(root: PlanNode, node: str | None, done: int) -> Sequence[PlanStep]:
     """Return the nominal steps from a leaf on, or those after it if the leaf is not nominal."""
-    listed = steps_of(root)
-    if isinstance(listed, tuple):  # a suspended sequence may continue after its last leaf
+    listed = commands_of(root)
+    if listed is not None:  # a suspended sequence may continue after its last leaf
         return listed[done:]
     nominal = [each for each in nominal_steps(root) if isinstance(each, PlanStep)]
     paths = [each.location.path for each in nominal]

@@ -5,7 +5,7 @@ number of display units per SI unit.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from math import degrees
 from operator import attrgetter
@@ -27,6 +27,15 @@ from executive.commands import (
     arguments_of,
 )
 from executive.obstacles.zones import Footprint, KeepIn, KeepOut, KnownRock
+from executive.plans import (
+    DEADLINE,
+    DIALECT,
+    POSTCONDITIONS,
+    PRECONDITIONS,
+    NodeKind,
+    Port,
+    PortType,
+)
 from executive.settings import Settings, TargetFrame
 from executive.values.parameters import Parameter
 from executive.values.quantities import UNITS
@@ -169,6 +178,8 @@ class AssetEntry:
         frame: default frame of waypoints; None if unknown.
         takers: operators that may take the authority; None for all or if unknown.
         recording: None for a rover.
+        nodes: the nodes of plans that can be steps beside commands, as forms.
+        conditions: conditions of a step.
     """
 
     asset: str
@@ -182,6 +193,8 @@ class AssetEntry:
     frame: TargetFrame | None = None
     takers: tuple[str, ...] | None = None
     recording: RecordingEntry | None = None
+    nodes: tuple[CommandEntry, ...] = ()
+    conditions: tuple[ArgumentEntry, ...] = ()
 
     def parameter(self, key: str) -> ParameterEntry | None:
         """Return a parameter; None if it is unknown."""
@@ -259,6 +272,58 @@ def _command(declaration: CommandDeclaration, settings: Settings | None) -> Comm
         examples=declaration.examples,
     )
 
+
+def _node(kind: NodeKind) -> CommandEntry:
+    """Return a node of plans as a form; its arguments are the texts of its ports."""
+    return CommandEntry(
+        name=kind.name,
+        summary=kind.meaning,
+        service="",
+        operation="",
+        family=kind.role.value,
+        modes=(),
+        motion=False,
+        at_least_one=False,
+        arguments=tuple(_port(each, kind.needs_limit) for each in kind.ports),
+        examples=(),
+    )
+
+
+def _port(port: Port, needs_limit: bool) -> ArgumentEntry:
+    is_deadline = port.name == DEADLINE
+    example = "; as {name}" if port.type is PortType.WRITTEN_TEXT else ""
+    return ArgumentEntry(
+        name=port.name,
+        type="choice" if port.type in _PORT_CHOICES else _PORT_TYPES.get(port.type, "text"),
+        unit="s" if is_deadline else "",
+        display_unit=None,
+        optional=not (port.required or (is_deadline and needs_limit)),
+        help="time in s, then it ends" if is_deadline else f"{port.meaning}{example}",
+        units={},
+        choices=_PORT_CHOICES.get(port.type),
+    )
+
+
+_PORT_TYPES: Final = {
+    PortType.COUNT: "integer",
+    PortType.MILLISECONDS: "integer",
+    PortType.SECONDS: "number",
+}
+_PORT_CHOICES: Final = {
+    PortType.STATUS: ("FAILURE", "SUCCESS", "SKIPPED", "RUNNING"),
+    PortType.FLAG: ("true", "false"),
+}
+NODE_ENTRIES: Final = tuple(
+    _node(each) for each in DIALECT.values() if each.command is None and each.max_children == 0
+)
+_SCRIPTS: Final = (
+    *(Port(each, PortType.CONDITION, "before it begins", optional=True) for each in PRECONDITIONS),
+    *(Port(each, PortType.STATEMENTS, "after its end", optional=True) for each in POSTCONDITIONS),
+)
+CONDITION_ENTRIES: Final = tuple(
+    replace(_port(each, False), optional=True)
+    for each in (*DIALECT["Precondition"].ports, *_SCRIPTS)
+)
 
 _MODES: Final = [mode.name for mode in sorted(ACCEPTED[Family.STOP], key=attrgetter("value"))]
 

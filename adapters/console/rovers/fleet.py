@@ -26,6 +26,8 @@ from adapters.console.messages import (
     TreeState,
 )
 from adapters.console.rovers.dictionary import (
+    CONDITION_ENTRIES,
+    NODE_ENTRIES,
     AssetEntry,
     command_entries,
     parameter_entries,
@@ -169,6 +171,8 @@ class Fleet:
             footprint=None if settings is None else settings.footprint,
             frame=None if settings is None else settings.frame,
             takers=_takers_of(settings, link),
+            nodes=NODE_ENTRIES,
+            conditions=CONDITION_ENTRIES,
         )
         if known is None:
             known = self.assets[name] = ConnectedAsset(settings, entry)

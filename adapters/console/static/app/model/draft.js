@@ -40,7 +40,7 @@ export class Draft extends Observable {
   /** whether a preview is pending */
   waits = false;
 
-  /** @param {import("./asset.js").Asset} asset @param {boolean} [isPreviewed] whether it requests its preview; a plan does for its steps */
+  /** @param {import("./asset.js").Asset} asset @param {boolean} [isPreviewed] whether it requests its preview; a plan does for its steps, which may be other nodes than commands */
   constructor(asset, isPreviewed = true) {
     super();
     this.asset = asset;
@@ -49,7 +49,8 @@ export class Draft extends Observable {
 
   /** Start a draft with another command. @param {string | null} name of the command; null for none @param {Record<string, any>} [values] in SI units */
   prepare(name, values = {}) {
-    const offered = this.asset.recording ? [] : (this.asset.entry?.commands ?? []);
+    const { commands = [], nodes = [] } = this.asset.entry ?? {};
+    const offered = this.asset.recording ? [] : this.isPreviewed ? commands : [...commands, ...nodes];
     this.entry = offered.find((each) => each.name === name) ?? null;
     this.typed = {};
     this.replace = false;

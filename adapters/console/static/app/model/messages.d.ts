@@ -35,7 +35,7 @@
 /** Outline of the rover on the ground: a rectangle about base_link, along its heading. */ export type Footprint = { length_m: number; width_m: number };
 /** Frame of the waypoints of a command (REP 105). */ export type TargetFrame = "odom" | "map";
 /** Entry of a recording, an asset that cannot be commanded. */ export type RecordingEntry = { file: string; rover: string; start: number; end: number; complete: boolean; damaged: boolean };
-/** Dictionary entry of an asset. */ export type AssetEntry = { asset: string; description: string; version: string; ranges_known: boolean; parameters: ParameterEntry[]; commands: CommandEntry[]; zones: ZoneEntry[]; footprint: Footprint | null; frame: TargetFrame | null; takers: string[] | null; recording: RecordingEntry | null };
+/** Dictionary entry of an asset. */ export type AssetEntry = { asset: string; description: string; version: string; ranges_known: boolean; parameters: ParameterEntry[]; commands: CommandEntry[]; zones: ZoneEntry[]; footprint: Footprint | null; frame: TargetFrame | null; takers: string[] | null; recording: RecordingEntry | null; nodes: CommandEntry[]; conditions: ArgumentEntry[] };
 /** A file of a component. */ export type FileEntry = { path: string; size: number; modified: number; mime: string | null; checksum: number | null; meta: Record<string, number | string | boolean | null> };
 /** A submitted plan. */ export type PlanRevision = { asset: string; plan: string; revision: number; command: string; operator: string; utc: number; content: string };
 /** Predicted pose at one time. */ export type PreviewPose = { time: number; x: number; y: number; heading: number };
@@ -43,10 +43,11 @@
 /** A step of an explanation. */ export type ExplanationStepBody = { utc: number | null; text: string };
 /** An explanation. */ export type ExplanationBody = { headline: string; reason: string | null; code: number | null; steps: ExplanationStepBody[]; evidence: string[]; lines: string[] };
 /** A step of a plan, if each step before it succeeds. */ export type RouteStep = { node: string; number: number; name: string; args: Record<string, any>; frame: string; points: number[][]; at: number[] | null; times: number };
-/** A step of a draft. */ export type DraftStep = { node: string; name: string; operation: string; args: Record<string, any>; deadline: number | null; line: number };
+/** A step of a draft. */ export type DraftStep = { node: string; name: string; operation: string; args: Record<string, any>; deadline: number | null; line: number; conditions: Record<string, string> };
+/** A node of a plan. */ export type OutlineNode = { path: string; name: string; kind: string; depth: number; text: string; line: number };
 /** The first reason to refuse a draft. */ export type DraftProblem = { text: string; code: number; reason: string; line: number | null; step: number | null };
 /** Prediction of one step of a plan. */ export type PreviewStep = { node: string; duration: number; length: number; end: PreviewPose; energy: number | null; clearance: number | null; nearest: string | null; refusal: string | null };
 /** Prediction of a plan and of its steps. */ export type PlanPreview = { total: Preview | null; steps: PreviewStep[]; refusal: string | null };
-/** A draft with its check and its preview. */ export type PlanDraft = { plan: string; xml: string; steps: DraftStep[] | null; not_steps: string | null; problem: DraftProblem | null; preview: PlanPreview | null; not_previewed: string | null };
+/** A draft with its check and its preview. */ export type PlanDraft = { plan: string; xml: string; steps: DraftStep[] | null; not_steps: string | null; outline: OutlineNode[]; problem: DraftProblem | null; preview: PlanPreview | null; not_previewed: string | null };
 /** A plan of the configuration. */ export type PlanTemplate = { name: string; about: string; xml: string };
 export type Message = (Hello | Sample | TreeState | Transfer | SamplesDropped | CommandStatus | StopStatus | AuthorityMessage | NotificationMessage | AlarmStatus | LinkStatus | AssetState | PlanProgress | FileChanged | Presence | DictionaryChanged | ObjectChanged) & { seq?: number };

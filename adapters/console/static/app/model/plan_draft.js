@@ -7,8 +7,8 @@ import { fetchJson } from "./connection.js";
 import { Draft } from "./draft.js";
 import { Observable } from "./observable.js";
 
-/** @import { Preview } from "./messages.js" */
-/** @typedef {{name?: string, operation: string, args: Record<string, any>, deadline?: number | null}} StepContent `args` in SI units, `deadline` in s */
+/** @import { OutlineNode, Preview } from "./messages.js" */
+/** @typedef {{name?: string, operation: string, args: Record<string, any>, deadline?: number | null, conditions?: Record<string, string>}} StepContent `args` in SI units, `deadline` in s */
 /** @typedef {{name: string, steps: StepContent[], xml: string | null}} PlanContent `xml`: as typed; null if the steps are the plan */
 /** @typedef {{step: PlanStep, item: number, x: number, y: number, label: string, isSelected: boolean, isRefused: boolean}} Mark waypoint of a step */
 
@@ -17,7 +17,7 @@ const MAX_UNDO = 100;
 /** Families of commands that no plan may give. */
 const STEERING = ["plan", "plan: activate, resume", "stop", "resume", "pose confirmation"];
 
-/** A step: a command, the name of its node and its deadline. */
+/** A step: a command, wait, question or condition, the name of its node, its deadline and its own conditions. */
 export class PlanStep {
   static #count = 0;
   key = String(PlanStep.#count++);
@@ -28,11 +28,17 @@ export class PlanStep {
   /** @type {any} its preview; null without one */
   preview = null;
 
-  /** @param {Draft} draft @param {string} name @param {string} deadline as typed, s */
-  constructor(draft, name, deadline) {
+  /** @param {Draft} draft @param {string} name @param {string} deadline as typed, s @param {Record<string, string>} conditions by attribute */
+  constructor(draft, name, deadline, conditions) {
     this.draft = draft;
     this.name = name;
     this.deadline = deadline;
+    this.conditions = conditions;
+  }
+
+  /** Whether it is a command, which has a deadline of its own. */
+  get isCommand() {
+    return this.draft.entry.service !== "";
   }
 
   /** The missing or wrong fields. */
@@ -52,7 +58,9 @@ export class PlanStep {
   /** @returns {StepContent} */
   get content() {
     const deadline = Number(this.deadline) || null;
-    return { ...(this.name && { name: this.name }), operation: this.draft.entry.name, args: this.draft.values, ...(deadline && { deadline }) };
+    const conditions = Object.fromEntries(Object.entries(this.conditions).filter(([, text]) => text));
+    const more = { ...(deadline && { deadline }), ...(Object.keys(conditions).length && { conditions }) };
+    return { ...(this.name && { name: this.name }), operation: this.draft.entry.name, args: this.draft.values, ...more };
   }
 }
 
@@ -76,6 +84,8 @@ export class PlanDraft extends Observable {
   problem = "";
   /** why its XML is no list of steps */
   notSteps = "";
+  /** @type {OutlineNode[]} its nodes, if it is no list of steps */
+  outline = [];
   /** @type {Preview | null} of the whole plan */
   preview = null;
   /** why there is no preview */
@@ -103,6 +113,11 @@ export class PlanDraft extends Observable {
 
   get isEmpty() {
     return this.isTyped ? !this.xml.trim() : this.steps.length === 0;
+  }
+
+  /** The waits, questions, conditions and scripts that can be steps. */
+  get nodes() {
+    return this.asset.entry?.nodes ?? [];
   }
 
   /** Whether it has no steps to edit: its XML is invalid, not checked yet, or no list of steps. */
@@ -177,6 +192,12 @@ export class PlanDraft extends Observable {
   /** @param {PlanStep} step @param {"name" | "deadline"} field @param {string} text */
   describe(step, field, text) {
     step[field] = text;
+    this.#editedSteps();
+  }
+
+  /** @param {PlanStep} step @param {string} condition @param {string} text */
+  guard(step, condition, text) {
+    step.conditions[condition] = text;
     this.#editedSteps();
   }
 
@@ -270,28 +291,29 @@ export class PlanDraft extends Observable {
   }
 
   /** @param {any} answer of the server to a draft */
-  #receive({ xml = "", steps = null, not_steps: notSteps = "", problem = null, preview = null, not_previewed: notPreviewed = "" }) {
+  #receive({ xml = "", steps = null, not_steps: notSteps = "", outline = [], problem = null, preview = null, not_previewed: notPreviewed = "" }) {
     if (!this.isTyped) this.xml = xml;
     else if (!this.steps.length) this.steps = (steps ?? []).map((each) => this.#make(each)).filter(Boolean);
     this.steps.forEach((step, index) => {
       step.node = steps?.[index]?.node ?? "";
-      step.preview = preview?.steps[index] ?? null;
+      step.preview = preview?.steps.find(({ node }) => node === step.node) ?? null;
       step.problem = (problem?.step === index ? problem.text : step.preview?.refusal) ?? "";
     });
     this.problem = problem ? `${problem.line && this.isTyped ? `line ${problem.line}: ` : ""}${problem.text}` : (preview?.refusal ?? "");
     this.notSteps = notSteps ?? "";
+    this.outline = outline;
     this.preview = preview?.total ?? null;
     this.notPreviewed = notPreviewed ?? "";
   }
 
   /** @param {StepContent} content @returns {PlanStep | null} */
-  #make({ name = "", operation, args, deadline = null }) {
+  #make({ name = "", operation, args, deadline = null, conditions = {} }) {
     const draft = new Draft(this.asset, false);
     draft.prepare(operation, args);
     if (!draft.entry) return null;
     draft.on(() => this.#editedSteps());
     const isDefault = name.replace(/ \d+$/, "") === operation;
-    return new PlanStep(draft, isDefault ? "" : name, deadline === null ? "" : String(deadline));
+    return new PlanStep(draft, isDefault ? "" : name, deadline === null ? "" : String(deadline), { ...conditions });
   }
 
   get #storageKey() {

@@ -26,8 +26,9 @@ export class PlanSteps extends View {
   #empty = html("p", { className: "empty", textContent: "No step yet. Click the map for a move, or add a command." });
   #frequent = html("span", { className: "buttons" });
   #others = html("select", { "aria-label": "add a step", onchange: () => this.#add(this.#others.value) });
+  #nodes = html("select", { "aria-label": "add a wait, question or condition", onchange: () => this.#add(this.#nodes.value) });
   /** the buttons that add steps */
-  adders = html("div", { className: "buttons adders" }, this.#frequent, this.#others);
+  adders = html("div", { className: "buttons adders" }, this.#frequent, this.#others, this.#nodes);
   root = html("div", {}, this.#list, this.#empty);
 
   start() {
@@ -37,7 +38,7 @@ export class PlanSteps extends View {
   /** @param {string} operation */
   #add(operation) {
     this.plan.add(operation);
-    this.#others.value = "";
+    this.#others.value = this.#nodes.value = "";
   }
 
   render() {
@@ -46,8 +47,10 @@ export class PlanSteps extends View {
     const names = plan.offered.map((each) => each.name);
     const make = (name) => button(`+ ${name}`, `add ${name} after the selected step`, () => this.#add(name));
     reconcile(this.#frequent, FREQUENT.filter((each) => names.includes(each)), String, make);
-    const makeOption = (value) => html("option", { value, textContent: value || "+ other …" });
-    reconcile(this.#others, ["", ...names.filter((each) => !FREQUENT.includes(each))], String, makeOption);
+    const makeOption = (label) => (value) => html("option", { value, textContent: value || label });
+    reconcile(this.#others, ["", ...names.filter((each) => !FREQUENT.includes(each))], String, makeOption("+ other …"));
+    reconcile(this.#nodes, ["", ...plan.nodes.map((each) => each.name)], String, makeOption("+ wait, question, condition …"));
+    for (const option of this.#nodes.options) option.title = plan.nodes.find((each) => each.name === option.value)?.summary ?? "";
     this.#list.classList.toggle("old", !plan.isChecked);
     reconcile(this.#list, plan.steps, (each) => each.key, (step) => this.#makeRow(step), (element) => this.#rows.get(element).render());
   }
@@ -139,7 +142,9 @@ class StepRow {
     set(this.element, { "data-state": state });
     setText(this.#number, MARKS[state] ?? String(index + 1));
     setText(this.#title, name || draft.entry.name);
-    setText(this.#arguments, [name && draft.entry.name, argumentSummary({ name: draft.entry.name, args: draft.values }, asset)].filter(Boolean).join("  "));
+    const given = (asset.entry?.conditions ?? []).filter((each) => this.#step.conditions[each.name]);
+    const guards = given.map((each) => `${labelOf(each.name)} ${this.#step.conditions[each.name]}`);
+    setText(this.#arguments, [name && draft.entry.name, argumentSummary({ name: draft.entry.name, args: draft.values }, asset), ...guards].filter(Boolean).join("  "));
     setText(this.#figures, preview && !objection ? figuresOf(preview) : "");
     setText(this.#problem, objection);
     set(this.#choose, { "aria-expanded": isSelected });
@@ -162,19 +167,33 @@ class StepRow {
     const { draft, name, deadline } = this.#step;
     this.#typed = draft.typed;
     this.#fields = fieldsOf(draft);
+    const { plan, asset } = this.#list;
+    const describe = (field) => (text) => plan.describe(this.#step, field, text);
+    const conditions = (asset.entry?.conditions ?? []).map(({ name: each, choices, help }) =>
+      fieldOf(labelOf(each), this.#step.conditions[each] ?? "", "", help, (text) => plan.guard(this.#step, each, text), choices),
+    );
+    const isGuarded = Object.values(this.#step.conditions).some(Boolean);
     this.#fieldBox.replaceChildren(
+      html("p", { className: "help dim", textContent: draft.entry.summary }),
       ...this.#fields.map((each) => each.element),
-      this.#makeField("deadline", deadline, "s", "the step fails when it takes longer"),
-      this.#makeField("name", name, "", "in reports and on the map"),
+      this.#step.isCommand ? fieldOf("deadline", deadline, "s", "the step fails when it takes longer", describe("deadline")) : "",
+      fieldOf("name", name, "", "in reports and on the map", describe("name")),
+      html("details", { className: "conditions", open: isGuarded }, html("summary", { textContent: "conditions and scripts" }), ...conditions),
     );
   }
+}
 
-  /** Create a field of the step itself. @param {"name" | "deadline"} field @param {string} value @param {string} unit @param {string} help */
-  #makeField(field, value, unit, help) {
-    const input = html("input", { type: "text", value, "aria-label": `step ${field}`, placeholder: "default", oninput: () => this.#list.plan.describe(this.#step, field, input.value.trim()) });
-    const texts = [html("span", { className: "unit", textContent: unit }), html("span", { className: "help dim", textContent: help })];
-    return html("label", { className: "field" }, html("span", { className: "name", textContent: field }), input, ...texts);
-  }
+/** Return the label of a condition: "skip if" of _skipIf. @param {string} attribute */
+const labelOf = (attribute) => (attribute === "if" ? "only if" : attribute.replace(/^_/, "").replace(/[A-Z]/g, (letter) => ` ${letter.toLowerCase()}`));
+
+/** Create a field of the step itself. @param {string} field @param {string} value @param {string} unit @param {string} help @param {(text: string) => void} typed @param {string[] | null} [choices] */
+function fieldOf(field, value, unit, help, typed, choices = null) {
+  const common = { "aria-label": `step ${field}`, value };
+  const input = choices
+    ? html("select", { ...common, onchange: () => typed(input.value) }, ...["", ...choices].map((each) => html("option", { value: each, textContent: each || "default", selected: each === value })))
+    : html("input", { ...common, type: "text", inputMode: unit ? "decimal" : "text", placeholder: unit && "default", oninput: () => typed(input.value.trim()) });
+  const texts = [html("span", { className: "unit", textContent: unit }), html("span", { className: "help dim", textContent: help })];
+  return html("label", { className: "field" }, html("span", { className: "name", textContent: field }), input, ...texts);
 }
 
 /** Format time, length and clearance of a step's preview. */

@@ -223,8 +223,10 @@ export class PlansView extends View {
   /** The state aboard of a step. @param {number} index */
   #stateOf(index) {
     const { done = null, status = "" } = this.#ownProgress ?? {};
-    if (done === null || index > done) return "";
-    return index < done ? "done" : { EXECUTING: "active", SUSPENDED: "held" }[status] ?? "";
+    const { steps } = this.plan;
+    const before = steps.slice(0, index).filter((each) => each.isCommand).length; // only commands are counted
+    if (done === null || before + Number(!steps[index].isCommand) > done) return "";
+    return before < done || !steps[index].isCommand ? "done" : { EXECUTING: "active", SUSPENDED: "held" }[status] ?? "";
   }
 
   render() {
