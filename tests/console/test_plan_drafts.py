@@ -105,4 +105,5 @@ async def test_steps_are_written_read_back_and_previewed(rover: Aboard, tmp_path
 
 def test_the_plans_of_the_configuration_are_templates() -> None:
     found = templates(config_folder() / "plans")
+    assert {"look-around", "06-night"} <= {each.name for each in found}
     assert all(each.about and each.xml.startswith("<") for each in found)

@@ -59,6 +59,8 @@ NO_ROVER = tuple(
         "plot",
         "bag",
         "log --file",
+        "plan check",
+        "plan prove",
         "why --file",
         "watch --file",
     )

@@ -197,9 +197,9 @@ def _text(value: object) -> str:
 
 
 def templates(folder: Path) -> list[PlanTemplate]:
-    """Return the plans of a folder, by name."""
+    """Return the plans of a folder and of those in it, by path."""
     found = []
-    for path in sorted(folder.glob("*.xml")):
+    for path in sorted(folder.rglob("*.xml")):
         xml = path.read_text(encoding="utf-8", errors="replace")
         comment = _COMMENT.search(xml)
         found.append(PlanTemplate(path.stem, "" if comment is None else comment[1], xml))
