@@ -16,6 +16,7 @@ from adapters.mrs.aboard import (
     CoreGateway,
     FileServices,
     HistoryService,
+    PlanCheckService,
     PreviewService,
     ServedOperations,
     TreeService,
@@ -194,6 +195,7 @@ class MrsLink:
         asset = AssetServices(served, gateway, settings, parameters)
         fleet = FleetService(served, gateway, asset, settings, self._terms, self._system)
         PreviewService(served, gateway)
+        PlanCheckService(served, settings)
         TreeService(served, gateway, settings)
         if self._history is not None:
             HistoryService(served, gateway, self._history)

@@ -1,6 +1,6 @@
 """`prove`: explores all outcomes of a plan within a bound, and judges the graph of its states."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -48,8 +48,10 @@ class _State:
     is_left: bool = True
 
 
-def prove(plan: PlanRoot, max_work: int = MAX_WORK) -> Proof:
-    """Explore a plan."""
+def prove(
+    plan: PlanRoot, max_work: int = MAX_WORK, is_over: Callable[[], bool] = lambda: False
+) -> Proof:
+    """Explore a plan, until `max_work` is reached or `is_over` returns True."""
     exploration = Exploration(plan)
     numbers: dict[ExploredState, int] = {exploration.begin: 0}
     graph = [_State(frozenset(), [])]
@@ -70,7 +72,7 @@ def prove(plan: PlanRoot, max_work: int = MAX_WORK) -> Proof:
                 graph.append(_State(frozenset(i for i, each in letters if each == "R"), []))
             if not tick.is_stop:
                 state.next.append((number, tick.begun))
-            is_cut = ticks * size + exploration.runs >= max_work
+            is_cut = ticks * size + exploration.runs >= max_work or is_over()
             if is_cut:
                 break
         state.is_left = leaves or is_cut

@@ -17,6 +17,7 @@ from adapters.mrs.aboard.asset_services import present_values as present_values
 from adapters.mrs.aboard.asset_services import serve_commands as serve_commands
 from adapters.mrs.aboard.file_services import FileServices as FileServices
 from adapters.mrs.aboard.gateway import CoreGateway as CoreGateway
+from adapters.mrs.aboard.plan_check_service import PlanCheckService as PlanCheckService
 from adapters.mrs.aboard.query_services import HistoryService as HistoryService
 from adapters.mrs.aboard.query_services import PreviewService as PreviewService
 from adapters.mrs.aboard.query_services import TreeService as TreeService

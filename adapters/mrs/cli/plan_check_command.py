@@ -1,31 +1,21 @@
-"""`rover plan check` and `rover plan prove`: check a plan locally before its uplink."""
+"""`rover plan check` and `rover plan prove`: check a plan before its uplink, here or aboard."""
 
 import sys
-from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
 import click
 
-from adapters.mrs.cli.options import json_option
-from adapters.mrs.cli.terminal import FAILED, echo_json
+from adapters.mrs.cli.options import RoverTarget, json_option, to_option
+from adapters.mrs.cli.terminal import FAILED, connect, echo_json, echo_line, run
+from adapters.mrs.plan_checks import CheckRequest, checked, received_finding
+from adapters.mrs.spec import PlanCheck, PlanCheckLevel, reason_of
 from adapters.process import asset_option
 from executive.commands import PlanArgument, PlanDefinition
-from executive.plans import (
-    FORMAT,
-    ArgumentError,
-    Finding,
-    Level,
-    PlanRoot,
-    check_plan,
-    find_faults,
-    max_commands,
-    steps,
-    utc,
-)
+from executive.plans import FORMAT, ArgumentError, Level, utc
 from executive.settings import SettingsError, load_settings
-from executive.values.reasons import Refusal
+from executive.values.reasons import Reason, Refusal, UnknownReason
 
 
 def _arguments(_: click.Context, __: click.Parameter, texts: tuple[str, ...]) -> Any:
@@ -50,6 +40,11 @@ ID: Final = click.option(
 )
 
 
+ABOARD: Final = click.option(
+    "--aboard", is_flag=True, help="Let the rover check it, by its own settings and bounds."
+)
+
+
 def _time(_: click.Context, __: click.Parameter, text: str | None) -> float | None:
     try:
         return None if text is None else utc("UTC", text)
@@ -69,6 +64,8 @@ def _time(_: click.Context, __: click.Parameter, text: str | None) -> float | No
     help="Planned begin, as 2026-11-27T09:00:00Z: windows that it misses are found.",
 )
 @asset_option()
+@ABOARD
+@to_option
 @json_option
 def check(
     file: Path,
@@ -76,24 +73,25 @@ def check(
     arguments: tuple[PlanArgument, ...],
     begin_utc_s: float | None,
     asset: str,
+    aboard: bool,
+    to: RoverTarget,
     as_json: bool,
 ) -> None:
     """Check FILE as an asset would, without a connection; find probable faults.
 
-    Exits 1 if the plan would be refused, or has an error.
+    With --aboard the rover checks it. Exits 1 if the plan would be refused, or has an error.
 
     \b
     Examples:
       rover plan check config/plans/look-around.xml
       rover plan check there-and-back.xml --arg far=3 --asset mocup
       rover plan check config/plans/missions/02-relay-passes.xml --at 2026-11-27T10:00:00Z
+      rover plan check config/plans/look-around.xml --aboard
     """
-    definition = definition_of(file, plan_id, arguments)
-    plan = _checked(file, definition, asset, as_json)
-    found = find_faults(plan, begin_utc_s)
-    leaves, commands = len(steps(plan)), max_commands(plan)
-    text = f"{definition.plan_id}: {leaves} leaves, {commands} commands at most"
-    _print(definition, found, text, as_json, leaves=leaves, commands=commands)
+    definition, level = definition_of(file, plan_id, arguments), PlanCheckLevel.CHECK
+    found = _result(definition, level, asset, to if aboard else None, begin_utc_s)
+    text = f"{definition.plan_id}: {found.leaves} leaves, {found.commands} commands at most"
+    _print(file, definition, found, text, as_json)
 
 
 @click.command()
@@ -101,27 +99,66 @@ def check(
 @ID
 @ARGUMENTS
 @asset_option()
+@ABOARD
+@to_option
 @json_option
 def prove(
-    file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], asset: str, as_json: bool
+    file: Path,
+    plan_id: str | None,
+    arguments: tuple[PlanArgument, ...],
+    asset: str,
+    aboard: bool,
+    to: RoverTarget,
+    as_json: bool,
 ) -> None:
     """Explore all outcomes of FILE: results of steps, telemetry, answers, timers, stops.
 
-    The plan is proved if no outcome has a fault and there is no limit. Exits 1 if the plan
-    would be refused, or has an error.
+    The plan is proved if no outcome has a fault and there is no limit. With --aboard the rover
+    explores it. Exits 1 if the plan would be refused, or has an error.
 
     \b
-    Example:
+    Examples:
       rover plan prove config/plans/look-around.xml
+      rover plan prove config/plans/look-around.xml --aboard
     """
-    from trees.plan import prove as explore  # imports py_trees, which takes long
+    definition, level = definition_of(file, plan_id, arguments), PlanCheckLevel.PROVE
+    found = _result(definition, level, asset, to if aboard else None)
+    counts = f"{found.states} states, {found.ticks} ticks"
+    text = f"{definition.plan_id}: {_verdict(found)}, {counts}"
+    _print(file, definition, found, "\n  limit: ".join([text, *found.limits]), as_json)
 
-    definition = definition_of(file, plan_id, arguments)
-    proof = explore(_checked(file, definition, asset, as_json))
-    text = f"{definition.plan_id}: {proof.verdict}, {proof.states} states, {proof.ticks} ticks"
-    text = "\n  limit: ".join([text, *proof.limits])
-    figures = {"verdict": proof.verdict, "states": proof.states, "ticks": proof.ticks}
-    _print(definition, proof.findings, text, as_json, **figures, limits=list(proof.limits))
+
+def _verdict(found: PlanCheck) -> str:
+    return found.verdict.name.lower().replace("_", " ")
+
+
+def _result(
+    definition: PlanDefinition,
+    level: PlanCheckLevel,
+    asset: str,
+    to: RoverTarget | None,
+    begin_utc_s: float | None = None,
+) -> PlanCheck:
+    """Return the result of a check, by a rover if one is given."""
+    if to is None:
+        try:
+            settings = load_settings(asset)
+        except SettingsError as error:
+            raise click.UsageError(str(error)) from error
+        return checked(CheckRequest(level, definition, settings, begin_utc_s=begin_utc_s))
+    return run(check_aboard(to, definition, level, begin_utc_s=begin_utc_s))
+
+
+async def check_aboard(
+    to: RoverTarget,
+    definition: PlanDefinition,
+    level: PlanCheckLevel,
+    draws: int | None = None,
+    begin_utc_s: float | None = None,
+) -> PlanCheck:
+    """Return the result of a check by a rover."""
+    async with await connect(to) as client:
+        return await client.check_plan(definition, level, draws, begin_utc_s)
 
 
 def definition_of(
@@ -132,38 +169,33 @@ def definition_of(
     return PlanDefinition(name, file.name, FORMAT, file.read_bytes(), arguments)
 
 
-def _checked(file: Path, definition: PlanDefinition, asset: str, as_json: bool) -> PlanRoot:
-    try:
-        settings = load_settings(asset)
-    except SettingsError as error:
-        raise click.UsageError(str(error)) from error
-    checked = check_plan(definition, settings)
-    if isinstance(checked, Refusal):
-        refuse(file, checked, as_json)
-    return checked
-
-
-def refuse(file: Path, refusal: Refusal, as_json: bool = False) -> NoReturn:
+def refuse(file: Path, refusal: Refusal) -> NoReturn:
     """Print why a plan is refused, and exit."""
-    reason = refusal.reason
+    _refuse(file, refusal.reason, refusal.text, as_json=False)
+
+
+def _refuse(file: Path, reason: Reason | UnknownReason, text: str, as_json: bool) -> NoReturn:
     if as_json:
-        echo_json({"refusal": refusal.text, "code": reason.value, "reason": reason.name})
+        echo_json({"refusal": text, "code": reason.value, "reason": reason.name})
     else:
-        click.echo(f"{file}: {reason.value} {reason.name}: {refusal.text}", err=True)
+        echo_line(f"{file}: {reason.value} {reason.name}: {text}", err=True)
     sys.exit(FAILED)
 
 
 def _print(
-    definition: PlanDefinition,
-    findings: Sequence[Finding],
-    text: str,
-    as_json: bool,
-    **figures: Any,
+    file: Path, definition: PlanDefinition, found: PlanCheck, text: str, as_json: bool
 ) -> None:
+    """Print a result; exit if it has a refusal or an error."""
+    if found.refusal is not None:
+        _refuse(file, reason_of(found.code or 0), found.refusal, as_json)
+    findings = [received_finding(each) for each in found.findings]
     if as_json:
+        counts = {name: getattr(found, name) for name in ("leaves", "commands", "states", "ticks")}
         rows = [{**asdict(each), "level": each.level.value} for each in findings]
-        echo_json({"plan": definition.plan_id, **figures, "findings": rows})
+        shown = {"plan": definition.plan_id, "verdict": _verdict(found), **counts}
+        echo_json({**shown, "limits": found.limits, "findings": rows})
     else:
-        click.echo("\n".join([text, *(f"  {each}" for each in findings)]))
+        for line in (*text.splitlines(), *(f"  {each}" for each in findings)):
+            echo_line(line)
     if any(each.level is Level.ERROR for each in findings):
         sys.exit(FAILED)

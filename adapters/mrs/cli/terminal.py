@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from enum import Enum
 from functools import wraps
 from math import isfinite
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NoReturn, TypeVar
 
 import click
 
@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from adapters.mrs.ground import MrsClient
+
+T = TypeVar("T")
 
 FAILED: Final = 1
 COMPLETION_TIMEOUT_S: Final = 1.0
@@ -126,13 +128,16 @@ async def command_numbers(client: "MrsClient") -> list[str]:
     return list(dict.fromkeys(str(each.command_id) for each in reversed(found) if each))
 
 
-def run(session: Coroutine[Any, Any, None]) -> None:
-    """Run a session; exits 1 after an error answer, a transfer error or a local OSError."""
+def run(session: Coroutine[Any, Any, T]) -> T:
+    """Run a session, and return its result.
+
+    It exits 1 after an error answer, a transfer error or a local OSError.
+    """
     from adapters.mrs.ground import TransferError
     from adapters.mrs.spec import describe_error
 
     try:
-        asyncio.run(session)
+        return asyncio.run(session)
     except MalError as error:
         fail(describe_error(error))
     except ConnectionError:
@@ -151,7 +156,7 @@ def echo_line(line: str, *, word: str = "", fg: str | None = None, err: bool = F
     click.echo(coloured, err=err)
 
 
-def fail(text: str) -> None:
+def fail(text: str) -> NoReturn:
     """Print an error, and exit 1."""
     echo_line(f"Error: {text}", err=True)
     sys.exit(FAILED)

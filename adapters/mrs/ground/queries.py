@@ -7,6 +7,7 @@ from adapters.mal import MalError, NamedValue, StandardError
 from adapters.mrs import spec as wire
 from adapters.mrs.ground.session import RoverSession
 from adapters.mrs.spec import (
+    CHECK_LIMIT_S,
     AssetInfo,
     AssetStatus,
     CameraState,
@@ -50,14 +51,8 @@ LINK_LOST_ERRORS: Final = {StandardError.DESTINATION_LOST.value, StandardError.S
 PREVIEW_TIMEOUT_S: Final = 70.0
 """Timeout of a preview, s; the rover aborts it after 60 s."""
 
-CHECK_TIMEOUT_S: Final = 20.0
-"""Time of a check of a plan aboard beyond its own limit: start of its process, and the link."""
-CHECK_LIMIT_S: Final = {
-    PlanCheckLevel.CHECK: 10.0,
-    PlanCheckLevel.PROVE: 30.0,
-    PlanCheckLevel.TRY: 600.0,
-}
-"""Time limits of checks aboard, s; chosen, not measured."""
+CHECK_MARGIN_S: Final = 10.0
+"""Timeout of a check of a plan beyond its limit aboard, s."""
 
 MAX_COMMAND_ID: Final = (1 << 63) - 1
 
@@ -193,7 +188,7 @@ class Queries:
         """
         begin = None if begin_utc_s is None else to_ns(begin_utc_s)
         wanted = ("Plan", "checkPlan", wire_definition(plan), level, draws, begin)
-        limit_s = CHECK_LIMIT_S[level] + CHECK_TIMEOUT_S
+        limit_s = CHECK_LIMIT_S[level] + CHECK_MARGIN_S
         check: PlanCheck = await self._query(*wanted, timeout_s=limit_s)
         return check
 

@@ -9,6 +9,7 @@ from adapters.mrs.spec.core_values import forwarded_command as forwarded_command
 from adapters.mrs.spec.core_values import lost_command as lost_command
 from adapters.mrs.spec.core_values import mode_of as mode_of
 from adapters.mrs.spec.core_values import plan_update_of as plan_update_of
+from adapters.mrs.spec.core_values import reason_of as reason_of
 from adapters.mrs.spec.core_values import received_report as received_report
 from adapters.mrs.spec.core_values import received_value as received_value
 from adapters.mrs.spec.core_values import report_of as report_of
@@ -74,6 +75,12 @@ from adapters.mrs.spec.mapping import supplements_of as supplements_of
 from adapters.mrs.spec.mapping import to_ns as to_ns
 from adapters.mrs.spec.mapping import wire_definition as wire_definition
 from adapters.mrs.spec.mapping import wire_update as wire_update
+from adapters.mrs.spec.plan_checks import CHECK_LIMIT_S as CHECK_LIMIT_S
+from adapters.mrs.spec.plan_checks import DRAWS as DRAWS
+from adapters.mrs.spec.plan_checks import MAX_DRAWS as MAX_DRAWS
+from adapters.mrs.spec.plan_checks import refused_check as refused_check
+from adapters.mrs.spec.plan_checks import trial_of as trial_of
+from adapters.mrs.spec.plan_checks import wire_check as wire_check
 from adapters.mrs.spec.plan_nodes import plan_node_of as plan_node_of
 from adapters.mrs.spec.plan_nodes import wire_node as wire_node
 from adapters.mrs.spec.previews import PreviewRequest as PreviewRequest

@@ -1017,32 +1017,34 @@ class TrialFigure:
     Attributes:
         name: The quantity, e.g. duration, energy, clearance.
         unit: Its unit.
-        least: Minimum.
+        low: 5 % of the runs are below it.
         median: Median.
-        most: Maximum.
+        high: 5 % of the runs are above it.
         draws: Number of runs with a value.
     """
 
     name: str
     unit: str
-    least: float
+    low: float
     median: float
-    most: float
+    high: float
     draws: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialBranch:
-    """How often a branch of a plan ran.
+    """How often the plan took a branch.
 
     Attributes:
-        node: Path of the first node of the branch, below the plan.
+        node: Path of the node that chose it, below the plan.
         line: Line of the text of the plan.
-        draws: Number of runs in which it ran.
+        choice: The branch.
+        draws: Number of runs that took it.
     """
 
     node: str
     line: int
+    choice: str
     draws: int
 
 
