@@ -140,8 +140,12 @@ async def test_checks_run_one_at_a_time_and_end_with_their_client(
     await first.close()
     await until(lambda: not children() - before)
     monkeypatch.setitem(CHECK_LIMIT_S, CHECK, 0.1)
-    with pytest.raises(MalError, match=r"the check exceeded 0\.1 s"):
-        await client.check_plan(GOOD, CHECK)
+    texts = ["another plan"]
+    while "another plan" in texts[-1]:  # its process was killed, which the link sees soon
+        with pytest.raises(MalError) as exceeded:
+            await client.check_plan(GOOD, CHECK)
+        texts.append(str(exceeded.value))
+    assert "the check exceeded 0.1 s" in texts[-1]
     assert not children() - before
 
 
