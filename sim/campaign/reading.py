@@ -99,7 +99,7 @@ def _campaign(raw: object, folder: Path) -> Campaign:
             "", "a campaign is keys and values, such as scenario, runs, vary, criteria"
         )
     scenarios = _scenarios(raw, folder)
-    vary = _vary(raw.get("vary", {}))
+    vary = read_vary(raw.get("vary", {}))
     filled = {key: value for key, value in raw.items() if key not in ("scenario", "vary")}
     filled |= {"scenarios": list(scenarios), "vary": list(vary)}
     many = combinations(scenarios, vary)
@@ -209,7 +209,7 @@ def _parameter(raw: object, path: str) -> Scalar | Number:
     return value
 
 
-def _vary(raw: object) -> tuple[Variation, ...]:
+def read_vary(raw: object) -> tuple[Variation, ...]:
     """Return the varied quantities, sorted, so that a world precedes its friction."""
     if not isinstance(raw, dict):
         raise FormatError("vary", f"expected keys and values, got {quoted(raw)}")

@@ -114,8 +114,9 @@ _FREE: Final = 7
 """Number of position values of the free joint; the joints of wheels and head follow."""
 
 
-_RESTING: Final = 0.002
-"""Maximum speed of a resting rover and its joints, m/s and rad/s; chosen: slides are faster."""
+_RESTING_MPS: Final = 0.002
+_RESTING_RADPS: Final = 0.02
+"""Maximum speeds of a resting rover, and of its wheels: on hills it creeps at 0.001 m/s."""
 CUT_OCTETS: Final = 200
 """Octets of a JPEG that `CameraTruncated` leaves."""
 
@@ -229,7 +230,8 @@ class SimulatedBody(ABC):
     @property
     def resting(self) -> bool:
         """Whether nothing moves, and no fault is active that misleads a motion."""
-        moves = float(abs(self._qvel).max()) > _RESTING
+        speeds = abs(self._qvel)
+        moves = speeds[:3].max() > _RESTING_MPS or speeds[3:].max() > _RESTING_RADPS
         onsets = (faults.fault_declaration(kind).onset for kind in self._faults)
         return not moves and all(onset is faults.Onset.NONE for onset in onsets)
 

@@ -83,7 +83,7 @@ MAX_SKIP_S: Final = 60.0
 RESTED_S: Final = 2.0
 """Time of rest before a skip, after which a standstill has been detected; chosen."""
 MEASURED_S: Final = 0.6
-"""Time between two skips, in which the monitors of the accelerometer settle; measured."""
+"""Time between two skips; the monitors of the accelerometer then settle; measured."""
 _SECOND: Final = round(1 / STEP_S)
 
 
@@ -125,7 +125,7 @@ class LockStep:
         tape: receives a recording of the executive; None for none.
         rover: a Jackal with further parts, such as a navigation; None for that of the settings.
         start_utc_s: UTC of the start.
-        skips: whether `skip` is used: late ticks are then no fault up to the longest skip.
+        skips: whether `skip` is used: a tick is then late only after `MAX_SKIP_S` more.
         build_tree: builds the executive's tree.
 
     Attributes:

@@ -4,6 +4,7 @@ The ground receives everything that the rover sends, except during an outage.
 """
 
 import time
+from collections.abc import Callable, Iterator
 from math import ceil, cos, inf, sin
 from pathlib import Path
 from typing import assert_never
@@ -12,7 +13,10 @@ from zlib import crc32
 from executive.commands import Command, SetPositionCompensation
 from executive.commands.lifecycle import Accepted, Duplicate, Rejected
 from executive.core.recording import RecordingSink
+from executive.goals import Context
+from executive.plans import Tree
 from executive.settings import SettingsError
+from executive.values.clock import START_UTC_S
 from executive.values.geometry import wrap_rad
 from executive.values.reasons import Reason, Refusal
 from sim.rover.camera import PictureSettings
@@ -36,6 +40,7 @@ from sim.scenario.record import (
 )
 from sim.scenario.timeline import CommandFactory, Timeline
 from sim.scenario.truth import load_requests
+from trees import RoverTree
 
 
 class DownlinkCollector:
@@ -64,6 +69,11 @@ class DownlinkCollector:
         self._until_s = max(self._until_s, until_s)
         self.dark = True
 
+    def ends_s(self, now_s: float) -> Iterator[float]:
+        """Yield the end of an outage, if there is one."""
+        if now_s < self._until_s:
+            yield self._until_s
+
     def listen(self, now_s: float) -> None:
         """Copy the downlink since the last call, unless the link is down."""
         self.dark = self.lost or now_s < self._until_s - ALMOST_S
@@ -84,6 +94,9 @@ def run_in_lock_step(
     folder: Path,
     tape: RecordingSink | None = None,
     rover: SimulatedJackal | None = None,
+    start_utc_s: float = START_UTC_S,
+    build_tree: Callable[[Context], Tree] = RoverTree,
+    run: "Callable[[Scenario, LockStep, Record], LockstepRun] | None" = None,
 ) -> Record:
     """Run a scenario and return its record.
 
@@ -92,6 +105,9 @@ def run_in_lock_step(
         folder: empty folder for ledger and files.
         tape: records the executive; None for no recording.
         rover: a Jackal in the scenario's world with further parts; None for the scenario's rover.
+        start_utc_s: UTC of the start.
+        build_tree: builds the tree of each executive.
+        run: makes a run that ends by itself; the time of standing then passes at once.
 
     Raises:
         SettingsError: MuJoCo refuses the world.
@@ -108,12 +124,15 @@ def run_in_lock_step(
             odometry=scenario.odometry,
             tape=tape,
             rover=rover,
+            start_utc_s=start_utc_s,
+            skips=run is not None,
+            build_tree=build_tree,
         )
     except ValueError as error:
         raise SettingsError(f"world: {error}") from error
     record = Record(lock.clock.utc_s(), folder / "files")
     began_s = time.perf_counter()
-    _LockstepRun(scenario, lock, record).run()
+    (run or LockstepRun)(scenario, lock, record).run()
     record.wall_s = time.perf_counter() - began_s
     record.seen = lock.executive.status.obstacles.scanned
     lock.executive.simulate_crash()
@@ -124,7 +143,9 @@ def run_in_lock_step(
     return record
 
 
-class _LockstepRun:
+class LockstepRun:
+    """One run of a scenario."""
+
     def __init__(self, scenario: Scenario, lock: LockStep, record: Record) -> None:
         self._lock = lock
         self._record = record
@@ -140,7 +161,7 @@ class _LockstepRun:
         step = 0
         while True:
             self._run_entries()
-            if step >= self._steps:
+            if step >= self._steps or self.has_ended:
                 return
             target = min(self._tick_steps * (step // self._tick_steps + 1), self._steps)
             event_s = min(self._timeline.next_s(), self._start_s)
@@ -150,7 +171,18 @@ class _LockstepRun:
             self._downlink.listen(self._lock.time_s)
             step = target
             if step % self._tick_steps == 0:
-                self._observe()
+                self.observe()
+                step += round(self._lock.skip(self.next_event_s() - self._lock.time_s) / STEP_S)
+
+    def next_event_s(self) -> float:
+        """Return the time of the next event; a skip ends before it."""
+        times_s = self._timeline.next_s(), self._start_s, self._steps * STEP_S
+        return min(*times_s, *self._downlink.ends_s(self._lock.time_s))
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the run ends before its time."""
+        return False
 
     def _run_entries(self) -> None:
         if self._lock.time_s >= self._start_s:
@@ -161,10 +193,11 @@ class _LockstepRun:
             self._downlink.listen(self._lock.time_s)
             self._record.played += 1
 
-    def _observe(self) -> None:
+    def observe(self) -> None:
+        """Sample the rover after a tick."""
         time_s = self._lock.time_s
         self._record.poses.append(TruePose(time_s, self._lock.rover.true_pose))
-        if self._there:
+        if self.in_contact:
             self._lock.executive.ground.record_contact()
         if self._lock.alive:
             self._record.modes.append(ModeSample(time_s, self._lock.executive.mode))
@@ -177,8 +210,10 @@ class _LockstepRun:
             case model.Fix(fix=label):
                 self._send(model.Send(command=self._compensation(), label=label))
             case model.QueryParameters(query=label):
-                values = record.received_values(lock.executive.parameters() if self._there else ())
-                files = tuple(lock.executive.files.paths()) if self._there else ()
+                values = record.received_values(
+                    lock.executive.parameters() if self.in_contact else ()
+                )
+                files = tuple(lock.executive.files.paths()) if self.in_contact else ()
                 record.answers.append(QueryAnswer(label, values, files))
             case model.Fetch(fetch=path):
                 record.fetched.append(self._read(path))
@@ -199,7 +234,7 @@ class _LockstepRun:
 
     def _send(self, entry: model.Send | model.Repeat) -> None:
         label, command = self._ground.command(entry, self._lock.clock.utc_s())
-        answer = self._submit(command)
+        answer = self.submit(command)
         self._record.sendings.append(
             SentCommand(label, command.identity, self._lock.time_s, answer)
         )
@@ -230,7 +265,8 @@ class _LockstepRun:
         name = fault_declaration(kind).name
         self._record.faults.append(FaultChange(self._lock.time_s, name, begins is not None))
 
-    def _submit(self, command: Command) -> Answer:
+    def submit(self, command: Command) -> Answer:
+        """Send a command, and return the answer."""
         if self._downlink.dark:
             return Answer.LOST
         try:
@@ -249,11 +285,12 @@ class _LockstepRun:
                 assert_never(admission)
 
     @property
-    def _there(self) -> bool:
+    def in_contact(self) -> bool:
+        """Whether an executive runs, and the link is up."""
         return self._lock.alive and not self._downlink.dark
 
     def _read(self, path: str) -> Fetched | FetchFailed:
-        if not self._there:
+        if not self.in_contact:
             return FetchFailed(path, "no contact")
         file = self._lock.executive.files.find(path)
         if isinstance(file, Refusal):

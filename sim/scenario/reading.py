@@ -112,7 +112,13 @@ def load_scenario(
             the text names it.
     """
     path = scenario_path(name)
-    raw = load_yaml(path)
+    return read_scenario(load_yaml(path), path, mode, changes)
+
+
+def read_scenario(
+    raw: object, path: Path, mode: RunMode | None = None, changes: Sequence[Override] = ()
+) -> Scenario:
+    """Return the scenario of the content of a file; see `load_scenario`."""
     try:
         return _checked(raw, path.parent, mode, changes)
     except FormatError as error:

@@ -45,7 +45,8 @@ ABOARD: Final = click.option(
 )
 
 
-def _time(_: click.Context, __: click.Parameter, text: str | None) -> float | None:
+def read_time(_: click.Context, __: click.Parameter, text: str | None) -> float | None:
+    """Read a UTC of the command line."""
     try:
         return None if text is None else utc("UTC", text)
     except ArgumentError as error:
@@ -60,7 +61,7 @@ def _time(_: click.Context, __: click.Parameter, text: str | None) -> float | No
     "--at",
     "begin_utc_s",
     metavar="UTC",
-    callback=_time,
+    callback=read_time,
     help="Planned begin, as 2026-11-27T09:00:00Z: windows that it misses are found.",
 )
 @asset_option()

@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable
 from datetime import datetime
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any, Final
 
@@ -54,7 +55,24 @@ from executive.values.reports import PlanStatus, PlanUpdate
 COLUMNS: Final = ("plan", "status", "leaves ended", "at", "text")
 
 
-@click.group()
+TRIAL: Final = EntryPoint("try", "sim.trial.commands:try_plan", "rover.commands")
+"""The command that simulates a plan; it is loaded only when it is called."""
+
+
+class _PlanGroup(click.Group):
+    """The commands of this package, and `TRIAL`."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return sorted([*super().list_commands(ctx), TRIAL.name])
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name != TRIAL.name:
+            return super().get_command(ctx, cmd_name)
+        command: click.Command = TRIAL.load()
+        return command
+
+
+@click.group(cls=_PlanGroup)
 def plan() -> None:
     """Check plans locally, submit them to a rover, control and watch them.
 
@@ -65,6 +83,7 @@ def plan() -> None:
     Examples:
       rover plan check config/plans/look-around.xml
       rover plan prove config/plans/look-around.xml
+      rover plan try config/plans/look-around.xml
       rover plan submit config/plans/look-around.xml
       rover plan activate look-around
       rover plan watch look-around

@@ -1,0 +1,318 @@
+"""`try_once`: one run of a plan in lock step, with drawn conditions and drawn answers."""
+
+import tempfile
+import time
+from bisect import insort
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executive.commands import (
+    ActivatePlan,
+    AnswerQuestion,
+    Command,
+    PlanDefinition,
+    SubmitPlan,
+)
+from executive.obstacles.zones import Footprint
+from executive.plans import PlanRoot, check_plan, nodes
+from executive.settings import SettingsError, load_yaml
+from executive.values.clock import START_UTC_S
+from executive.values.reasons import Refusal
+from executive.values.reports import Identity, PlanStatus
+from sim.campaign.draws import draw
+from sim.campaign.model import Campaign, Variation
+from sim.rover.lockstep import LockStep
+from sim.scenario.changes import Override
+from sim.scenario.lockstep_run import LockstepRun, run_in_lock_step
+from sim.scenario.model import RunMode, Scenario, Send
+from sim.scenario.outcome import digest_of
+from sim.scenario.reading import read_scenario, scenario_path
+from sim.scenario.record import Answer, Record, SentCommand
+from sim.trial.plan_log import NodeResult, OpenedQuestion, PlanLog
+
+BEGIN_S: Final = 1.0
+"""Time of the submission after the start; the sensors have then been measured."""
+BEGINS_BEFORE_S: Final = 60.0
+"""Time of the begin before the first absolute time in a plan, unless it is given; chosen."""
+SUSPENDED_S: Final = 65.0
+"""Suspension after which a run ends: later than a plan continues by itself after a restart."""
+MAX_ANSWER_S: Final = 600.0
+"""Maximum time to an answer of a question without a deadline; chosen."""
+_FLAT: Final[dict[str, Any]] = {
+    "title": "plan",
+    "duration": 3600,
+    "expect": [{"rover": "stationary", "for": 1}],
+}
+"""Scenario without a file."""
+OPERATOR: Final = "MOE"
+ANSWERS_FROM: Final = 1_000_000
+"""Minimum number of a drawn answer; commands of a scenario have smaller ones."""
+_ENDED: Final = {PlanStatus.COMPLETED, PlanStatus.FAILED, PlanStatus.ABORTED}
+
+
+Floats = NDArray[np.float64]
+
+
+class PlanRefusedError(Exception):
+    """The rover would refuse the plan; the text is the refusal."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """A plan, and the conditions of its runs.
+
+    Attributes:
+        scenario: path of a scenario, or its name in config/scenarios; None for flat ground.
+        changes: overrides of the scenario in all runs.
+        vary: varied keys of the scenario.
+        seed: seed of all draws.
+        begin_utc_s: UTC of the begin; None for one minute before the first time in the plan.
+        limit_s: maximum simulated duration of a run.
+    """
+
+    plan: PlanDefinition
+    asset: str | None = None
+    scenario: str | None = None
+    changes: tuple[Override, ...] = ()
+    vary: tuple[Variation, ...] = ()
+    seed: int = 0
+    begin_utc_s: float | None = None
+    limit_s: float = 172_800.0
+
+    def scenario_of(self, number: int) -> Scenario:
+        """Return the scenario of a draw; it submits and activates the plan.
+
+        Raises:
+            SettingsError: a value does not fit.
+        """
+        raw: Any = _FLAT
+        path = Path(self.plan.plan_id)
+        if self.scenario is not None:
+            path = scenario_path(self.scenario)
+            raw = load_yaml(path)
+        drawn = draw(self._campaign, number).changes
+        asset = () if self.asset is None else (Override("asset", self.asset),)
+        scenario = read_scenario(raw, path, RunMode.LOCK_STEP, (*asset, *self.changes, *drawn))
+        sent = (SubmitPlan(self.plan), ActivatePlan(self.plan.plan_id))
+        entries = tuple(Send(at_s=BEGIN_S, command=each) for each in sent)
+        timeline = (*scenario.timeline, *entries)
+        title = self.plan.plan_id
+        return replace(scenario, title=title, timeline=timeline, duration_s=self.limit_s)
+
+    @property
+    def _campaign(self) -> Campaign:
+        return Campaign(
+            title="", scenarios=("",), runs=1, seed=self.seed, vary=self.vary, criteria=()
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class TrialResult:
+    """Result of a run.
+
+    Attributes:
+        draw: its number.
+        status: status of the plan at the end.
+        reason: text of its last report.
+        duration_s: time from the begin to the end of the plan.
+        energy_j: energy drawn from the battery in the run.
+        clearance_m: minimum distance of the rover from a rock, a wall or a step; None without.
+        digest: digest of all events; equal for runs that are identical bit for bit.
+        results: last result of each node that was reached, by its number.
+        choices: number of the node, choice, and how often it was chosen.
+        seconds: duration of the execution.
+    """
+
+    draw: int
+    status: PlanStatus
+    reason: str
+    duration_s: float
+    energy_j: float
+    clearance_m: float | None
+    digest: str
+    results: dict[int, NodeResult]
+    choices: tuple[tuple[int, str, int], ...]
+    seconds: float = field(compare=False)
+
+    @property
+    def completed(self) -> bool:
+        """Whether the plan was completed."""
+        return self.status is PlanStatus.COMPLETED
+
+
+def checked_plan(trial: Trial) -> PlanRoot:
+    """Return the plan of a trial, as the first draw's rover reads it.
+
+    Raises:
+        PlanRefusedError: it would be refused.
+        SettingsError: a value of the scenario does not fit.
+    """
+    root = check_plan(trial.plan, trial.scenario_of(0).settings)
+    if isinstance(root, Refusal):
+        raise PlanRefusedError(f"{root.reason.value} {root.reason.name}: {root.text}")
+    return root
+
+
+def begin_utc_s(plan: PlanRoot, given_utc_s: float | None) -> float:
+    """Return the begin of a plan: the given one, or shortly before its first absolute time."""
+    if given_utc_s is not None:
+        return given_utc_s
+    ports = [each.ports.get(name) for each in nodes(plan) for name in ("utc", "from", "until")]
+    times = [float(each) for each in ports if isinstance(each, float | int)]
+    return min(times) - BEGINS_BEFORE_S if times else START_UTC_S
+
+
+def try_once(trial: Trial, number: int, out: Path | None = None) -> TrialResult:
+    """Run a draw; with a folder, write map, timeline and reports into it.
+
+    Raises:
+        SettingsError: a value does not fit.
+    """
+    began_s = time.perf_counter()
+    scenario, log = trial.scenario_of(number), PlanLog()
+    root = check_plan(trial.plan, scenario.settings)
+    if isinstance(root, Refusal):
+        raise SettingsError(f"draw {number}: the plan is refused: {root.text}")
+
+    def run(scenario: Scenario, lock: LockStep, record: Record) -> LockstepRun:
+        return _TrialRun(scenario, lock, record, log, partial(_draw_answer, trial.seed, number))
+
+    with tempfile.TemporaryDirectory(prefix="rover-try-") as folder:
+        start_utc_s = begin_utc_s(root, trial.begin_utc_s) - BEGIN_S
+        record = run_in_lock_step(
+            scenario, Path(folder), None, None, start_utc_s, log.build_tree, run
+        )
+        if out is not None:
+            from sim.scenario.pictures import write_run
+
+            out.mkdir(parents=True, exist_ok=True)
+            write_run(out, scenario, record)
+    last = record.plans[-1]
+    return TrialResult(
+        draw=number,
+        status=last.status,
+        reason=last.text,
+        duration_s=round(record.since_start_s(last.utc_s) - BEGIN_S, 3),
+        energy_j=record.energy_j or 0.0,
+        clearance_m=_clearance_m(scenario, record),
+        digest=digest_of(record),
+        results=log.results,
+        choices=tuple((*key, count) for key, count in sorted(log.choices.items())),
+        seconds=time.perf_counter() - began_s,
+    )
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class _DrawnAnswer:
+    """An answer, and its time on the clock; empty if none is given."""
+
+    at_s: float
+    path: str
+    option: str
+
+
+def _draw_answer(
+    seed: int, number: int, question: OpenedQuestion, times: int, now_s: float
+) -> _DrawnAnswer:
+    """Return the answer to a question that was opened for the n-th time.
+
+    Each option is as likely as no answer before the deadline; without one there is an answer.
+    """
+    random = np.random.default_rng([seed, number, crc32(question.path.encode()), times])
+    options = (*question.options, *(() if question.deadline_s is None else ("",)))
+    option = options[int(random.integers(len(options)))]
+    latest_s = MAX_ANSWER_S if question.deadline_s is None else question.deadline_s
+    return _DrawnAnswer(now_s + float(random.uniform(0.0, latest_s)), question.path, option)
+
+
+class _TrialRun(LockstepRun):
+    """A run that ends with its plan. An operator answers its questions while the link is up."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        lock: LockStep,
+        record: Record,
+        log: PlanLog,
+        draw_answer: Callable[[OpenedQuestion, int, float], _DrawnAnswer],
+    ) -> None:
+        super().__init__(scenario, lock, record)
+        self._plan_id, self._log, self._draw_answer = scenario.title, log, draw_answer
+        self._answers: list[_DrawnAnswer] = []
+        self._openings: Counter[str] = Counter()
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the plan has ended, or is suspended for good."""
+        plans = self._lock.downlink_record.plans
+        if not plans or plans[-1].status not in _ENDED | {PlanStatus.SUSPENDED}:
+            return False
+        since_s = self._lock.clock.utc_s() - plans[-1].utc_s
+        return since_s > (SUSPENDED_S if plans[-1].status is PlanStatus.SUSPENDED else 0.0)
+
+    def observe(self) -> None:
+        """Draw answers to the questions opened in this tick, and send those that are due."""
+        super().observe()
+        now_s = self._lock.time_s
+        for question in self._log.take_opened():
+            self._openings[question.path] += 1
+            answer = self._draw_answer(question, self._openings[question.path], now_s)
+            if answer.option:
+                insort(self._answers, answer)
+        while self._answers and self._answers[0].at_s <= now_s and self.in_contact:
+            self._send_answer(self._answers.pop(0))
+
+    def _send_answer(self, answer: _DrawnAnswer) -> None:
+        number = ANSWERS_FROM + len(self._record.sendings)
+        request = AnswerQuestion(self._plan_id, answer.path, answer.option)
+        identity = Identity(OPERATOR, number)
+        sent = self.submit(
+            Command(identity, request, RunMode.LOCK_STEP.link, self._lock.clock.utc_s())
+        )
+        if sent is Answer.ACCEPTED:
+            self._log.answered.add(answer.path)
+        label = f"answer {number}"
+        self._record.sendings.append(SentCommand(label, identity, self._lock.time_s, sent))
+
+    def next_event_s(self) -> float:
+        """Return the time of the next event; also of an answer."""
+        return min((super().next_event_s(), *(each.at_s for each in self._answers[:1])))
+
+
+def _clearance_m(scenario: Scenario, record: Record) -> float | None:
+    """Return the minimum distance between the rover's outline and an obstacle; None without one."""
+    world, footprint = scenario.world, scenario.settings.footprint or Footprint(0.01, 0.01)
+    half_m = np.array([footprint.length_m, footprint.width_m]) / 2
+    poses = {(seen.pose.x_m, seen.pose.y_m, seen.pose.heading_rad): None for seen in record.poses}
+    x_m, y_m, heading_rad = np.array(list(poses)).T
+    cosine, sine = np.cos(heading_rad), np.sin(heading_rad)
+    areas = [*(wall.area for wall in world.walls), *world.steps]
+    points = [(each.x_m, each.y_m, each.radius_m) for each in world.all_rocks]
+    points += [(corner.x_m, corner.y_m, 0.0) for each in areas for corner in each.corners]
+    gaps_m = []
+    for point_x_m, point_y_m, radius_m in points:
+        dx_m, dy_m = point_x_m - x_m, point_y_m - y_m
+        along_m, across_m = dx_m * cosine + dy_m * sine, dy_m * cosine - dx_m * sine
+        gaps_m.append(_outside_m(along_m, across_m, half_m).min() - radius_m)
+    for area in areas:
+        own_m = np.array([area.length_m, area.width_m]) / 2
+        for ahead, left in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+            ahead_m, left_m = half_m * (ahead, left)
+            corner_x_m = x_m + ahead_m * cosine - left_m * sine
+            corner_y_m = y_m + ahead_m * sine + left_m * cosine
+            gaps_m.append(_outside_m(*area.local(corner_x_m, corner_y_m), own_m).min())
+    return max(0.0, float(min(gaps_m))) if gaps_m else None
+
+
+def _outside_m(along_m: Floats, across_m: Floats, half_m: Floats) -> Floats:
+    """Return the distances of positions from a rectangle about the origin; 0 within it."""
+    along_m, across_m = abs(along_m) - half_m[0], abs(across_m) - half_m[1]
+    return np.hypot(np.maximum(along_m, 0.0), np.maximum(across_m, 0.0))
