@@ -49,6 +49,8 @@ from executive.plans.model import nodes as nodes
 from executive.plans.model import part_values as part_values
 from executive.plans.model import parts_of as parts_of
 from executive.plans.model import steps as steps
+from executive.plans.node_records import NodeDetail as NodeDetail
+from executive.plans.node_records import NodeRecords as NodeRecords
 from executive.plans.node_table import question_of as question_of
 from executive.plans.nominal import TimeLimit as TimeLimit
 from executive.plans.nominal import TimeLimitEnd as TimeLimitEnd

@@ -45,8 +45,12 @@ class ActiveRun:
         return self.tree.waits()[:MAX_WAITS_LENGTH]
 
     def state(self) -> PlanState:
-        """Return its state."""
-        return self.execution.state(self.tree.state())
+        """Return its state, with the present records of its nodes."""
+        return self._with_records(self.execution.state(self.tree.state()))
+
+    def final_state(self, clock: Clock) -> StoredState:
+        """Return the state to store after its end."""
+        return StoredState(self.digest, clock.utc_s(), True, encode(self.state().at_end()))
 
     def changed_state(self, clock: Clock, suspended: bool) -> StoredState | None:
         """Return its state to store, if it changed since this was called last, or is suspended.
@@ -54,7 +58,7 @@ class ActiveRun:
         Raises:
             LeafError: it is too large.
         """
-        state, before = self.state(), self.saved
+        state, before = self.execution.state(self.tree.state()), self.saved
         moved_m = 0.0
         if self.resumes and state.position is not None:
             moved_m = inf if before.position is None else dist(state.position, before.position)
@@ -64,8 +68,13 @@ class ActiveRun:
             and not suspended
         ):
             return None
-        self.saved = state
-        if len(text := encode(shifted(state, -clock.now_s()))) > MAX_STATE_LENGTH and not suspended:
+        self.saved, left = state, shifted(state, -clock.now_s())
+        if len(text := encode(self._with_records(left))) > MAX_STATE_LENGTH:
+            text = encode(left)  # the records are for the operators only
+        if len(text) > MAX_STATE_LENGTH and not suspended:
             path = f"plan:{self.execution.plan.plan_id}"
             raise LeafError(path) from StateError("too large a state")
         return StoredState(self.digest, clock.utc_s(), suspended, text)
+
+    def _with_records(self, state: PlanState) -> PlanState:
+        return state._replace(records=self.execution.records.encoded(self.tree.details()))

@@ -12,7 +12,7 @@ requests and drops within one tick is never submitted.
   that are done, by their number and the cycles of the loops around them.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from itertools import islice
@@ -23,10 +23,11 @@ from executive.commands.intake import source_of
 from executive.commands.lifecycle import CommandLifecycle
 from executive.plans.dialect import BATTERY_CHARGE, ENERGY_USED
 from executive.plans.model import NodeLocation, PlanNode, PlanRoot, PlanStep, nodes, steps
+from executive.plans.node_records import NodeDetail, NodeRecords
 from executive.plans.scripting import Cells
 from executive.plans.state import PlanState, StateCommand, TreeState
 from executive.plans.syntax import Value
-from executive.record import StepOutcome
+from executive.record import StepOutcome, StoredState
 from executive.values.clock import Clock
 from executive.values.plan_nodes import Question
 from executive.values.reasons import Figure, Reason, Refusal
@@ -96,6 +97,10 @@ class PlanPort(RoverView, Protocol):
     clock: Clock
     why: str
 
+    @property
+    def records(self) -> NodeRecords | None:
+        """The records of the nodes; None if they are not needed."""
+
     def request(self, step: PlanStep, cycles: tuple[int, ...], cells: Cells) -> None:
         """Request the command of a step; see `PlanStep.request_from`."""
 
@@ -149,6 +154,9 @@ class PlanTree(Protocol):
 
     def force(self, number: int, steering: Steering) -> None:
         """Let a node obey at its next tick."""
+
+    def details(self) -> Iterable[NodeDetail]:
+        """Yield the present knowledge of its nodes beside their state."""
 
     def waits(self) -> str:
         """Return the present waits and questions as text; empty without any."""
@@ -243,6 +251,7 @@ class RunningPlan:
         batch: number of the ledger's batch with its last change; it begins once that is committed.
         node, done: its progress; see `PlanUpdate`.
         last: the last update sent.
+        final_state: its state at the end of its last run, to be stored.
     """
 
     def __init__(self, last: PlanUpdate) -> None:
@@ -252,6 +261,7 @@ class RunningPlan:
         self.node = last.node
         self.done = last.done
         self.last = last
+        self.final_state: StoredState | None = None
 
 
 MAX_COMMANDS_PER_TICK: Final = 8
@@ -329,6 +339,7 @@ class PlanExecution:
         self.root = root
         self.clock = clock
         self.why = ""
+        self.records: NodeRecords = NodeRecords(state.records, clock)
         self.held: PlanNode | None = None
         self._cancel = cancel
         self._surroundings = surroundings
@@ -479,7 +490,7 @@ class PlanExecution:
                 if steering is Steering.FAILURE:
                     self.note_failure(node, "skipped with FAILURE")
             case Steering.RETRY:
-                pass
+                self.records.note(node, True, "", "")
 
     def state(self, tree: TreeState) -> PlanState:
         """Return the state of the plan."""
@@ -524,8 +535,9 @@ class PlanExecution:
         self._ended.add(number)
         self.plan.node, self.plan.done = path, len(self._ended & self._leaves)
         if stage is not Stage.EXECUTED:
-            text = f" ({refusal.text})" if refusal else ""
+            text = f" {reason} ({refusal.text})" if refusal else ""
             self.why = f"{path}: {stage.name}{text}"
+            self.records.note_reason(number, reason)
             return CommandOutcome(False, float(reason))
         file = ""
         if given is not None and step.kind.port("file") is not None:

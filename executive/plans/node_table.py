@@ -5,16 +5,19 @@ its end.
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Final
 
 from executive.commands.intake import source_of
 from executive.plans.model import PlanNode, PlanRoot, nodes, parts_of
+from executive.plans.node_records import NodeDetail, NodeRecord, read_records
 from executive.plans.state import PlanState
 from executive.values.plan_nodes import NodeStatus, PlanNodeReport, Question
+from executive.values.reasons import Reason
 from executive.values.reports import Identity
 
 _STATUSES: Final[Mapping[str, NodeStatus]] = {each.name[0]: each for each in NodeStatus}
+_ABSOLUTE: Final = {"WaitUntil", "WaitFor", "Window", "Ask"}
+"""Nodes with times that continue while the plan is suspended."""
 
 
 def question_of(node: PlanNode, until_utc_s: float | None) -> Question:
@@ -29,19 +32,44 @@ def question_of(node: PlanNode, until_utc_s: float | None) -> Question:
     )
 
 
-def node_reports(plan_id: str, root: PlanRoot, state: PlanState) -> tuple[PlanNodeReport, ...]:
-    """Return all nodes of a plan in a state, in the order of its text."""
-    last = dict(state.last)
+def node_reports(
+    plan_id: str, root: PlanRoot, state: PlanState, *, executes: bool
+) -> tuple[PlanNodeReport, ...]:
+    """Return all nodes of a plan in a state, in the order of its text.
+
+    Args:
+        plan_id: its id.
+        root: its root node.
+        state: its state.
+        executes: whether it executes: otherwise its timers are stopped.
+    """
     letters = "" if state.tree is None else state.tree.statuses
+    last = dict(state.last)
+    records, details = read_records(state.records)
     found = []
     for node in nodes(root):
-        at = node.location
-        report = PlanNodeReport(at.path, node.kind.name, at.line)
-        if letters:
-            report = replace(report, status=_STATUSES[letters[at.number]])
-        if at.number in last:
-            report = replace(report, command=Identity(source_of(plan_id), last[at.number]))
-        if at.path in state.questions:
-            report = replace(report, question=question_of(node, None))
-        found.append(report)
+        at, number = node.location, node.location.number
+        record = records.get(number, NodeRecord(number))
+        detail = details.get(number, NodeDetail(number))
+        continues = executes or node.kind.name in _ABSOLUTE
+        next_utc_s = detail.next_utc_s if continues else None
+        is_open = at.path in state.questions
+        found.append(
+            PlanNodeReport(
+                at.path,
+                node.kind.name,
+                at.line,
+                _STATUSES[letters[number]] if letters else NodeStatus.IDLE,
+                _STATUSES[record.result] if record.result else None,
+                record.since_utc_s or None,
+                record.tries,
+                Reason(record.reason) if record.reason else None,
+                record.text,
+                detail.unknown,
+                record.decision,
+                next_utc_s,
+                question_of(node, next_utc_s) if is_open else None,
+                Identity(source_of(plan_id), last[number]) if number in last else None,
+            )
+        )
     return tuple(found)

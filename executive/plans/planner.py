@@ -142,7 +142,9 @@ class Planner:
         """Return the nodes of a plan with their progress, or why they are not known."""
         plan = self._plans.get(plan_id)
         found = _no_plan(plan_id) if plan is None else self._with_state(plan)
-        return found if isinstance(found, Refusal) else node_reports(plan_id, *found)
+        if isinstance(found, Refusal):
+            return found
+        return node_reports(plan_id, *found, executes=plan is self._executing)
 
     def check_request(self, request: PlanRequest) -> Refusal | None:
         """Return a refusal if a request cannot be executed now, or None."""
@@ -539,7 +541,7 @@ class Planner:
         reason: Reason | None = None,
         figures: tuple[Figure, ...] = (),
     ) -> str:
-        self._store.forget(plan.plan_id)
+        self._store.end(plan.plan_id, plan.final_state)
         return self._change(plan, event, text, reason, figures)
 
     def _stop_run(self, why: Refusal, halts: bool = False) -> None:
@@ -552,6 +554,8 @@ class Planner:
             self._end_run()
 
     def _end_run(self) -> None:
+        if self._run is not None:
+            self._run.execution.plan.final_state = self._run.final_state(self._clock)
         self._run, self._active.waits = None, ""
         self._host.detach()
 

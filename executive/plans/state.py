@@ -64,6 +64,7 @@ class PlanState(NamedTuple):
         restarts: how often it has continued by itself after a restart.
         position: x and y of the rover when it was stored, m; None if they were not known.
         settled: keys of the questions that have ended, and their answers; empty for none.
+        records: records of the nodes as text; see `node_records`.
     """
 
     tree: TreeState | None = None
@@ -77,6 +78,12 @@ class PlanState(NamedTuple):
     restarts: int = 0
     position: tuple[float, float] | None = None
     settled: tuple[tuple[str, str], ...] = ()
+    records: str = ""
+
+    def at_end(self) -> "PlanState":
+        """Return the part that is stored after the end of the plan."""
+        tree = None if self.tree is None else TreeState(self.tree.statuses, (), (), ())
+        return PlanState(tree, last=self.last, settled=self.settled, records=self.records)
 
 
 def shifted(state: PlanState, by_s: float) -> PlanState:

@@ -166,6 +166,12 @@ class PlanStore:
             (plan_id, source_of(plan_id)),
         )
 
+    def end(self, plan_id: str, final: StoredState | None) -> None:
+        """Delete the journal; replace the state by a final one, if it is given."""
+        self._ledger.write("DELETE FROM plan_steps WHERE plan_id = ?", (plan_id,))
+        if final is not None:
+            self.save_state(plan_id, final)
+
     def forget(self, plan_id: str) -> None:
         """Delete the state and the journal."""
         for table in ("plan_states", "plan_steps"):

@@ -2,9 +2,13 @@
 
 from dataclasses import dataclass
 from enum import Enum, unique
+from typing import Final
 
 from executive.values.reasons import Reason, UnknownReason
 from executive.values.reports import Identity
+
+DECISIONS: Final = ("took ", "skipped", "ended", "answered ")
+"""Begins of the texts of decisions."""
 
 
 @unique

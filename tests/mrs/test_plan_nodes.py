@@ -1,15 +1,25 @@
 """The nodes of a plan, as the MRS and the command line show them."""
 
-import pytest
+import json
+from pathlib import Path
 
+import pytest
+from click.testing import CliRunner, Result
+
+from adapters.cli.main import main
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import AreaError
 from executive.commands import ActivatePlan, SubmitPlan
 from executive.values.plan_nodes import NodeStatus
-from tests.mrs.aboard import raises
+from tests.mrs.aboard import Aboard, raises
 from tests.support.plans import plan
 
 pytestmark = pytest.mark.usefixtures("running")
+
+
+def rover(*arguments: str) -> Result:
+    return CliRunner(env={"COLUMNS": "200"}).invoke(main, ["plan", *arguments])
+
 
 ASKS = plan("""<Sequence>
   <Ask name="ditch" question="Cross it?" options="cross;turn back" default="turn back"
@@ -32,3 +42,24 @@ async def test_the_nodes_of_a_plan_are_reported(client: MrsClient) -> None:
     assert {each.status for each in nodes} == {NodeStatus.IDLE}
     assert [each.tries for each in nodes] == [0] * 4
     await client.run(client.command(ActivatePlan("survey")))
+
+
+def test_the_status_of_a_named_plan_lists_its_nodes(running: Aboard, tmp_path: Path) -> None:
+    file, to = tmp_path / "asks.xml", ("--to", running.uri)
+    file.write_bytes(ASKS.content)
+    for typed in (("submit", str(file)), ("activate", "asks")):
+        assert rover(*typed, *to).exit_code == 0
+    running.run(1.0)
+    shown = rover("status", "asks", *to).output
+    (row,) = (line for line in shown.splitlines() if "ditch (Ask)" in line)
+    assert "RUNNING" in row
+    assert "Cross it?" in row
+    (found,) = map(json.loads, rover("status", "asks", "--json", *to).output.splitlines())
+    ditch = next(each for each in found["nodes"] if each["path"].endswith("ditch"))
+    assert ditch["question"]["options"] == ["cross", "turn back"]
+    assert ditch["next"] == ditch["question"]["until"]
+    assert rover("answer", "ditch", "turn back", *to).exit_code == 0
+    assert rover("watch", "asks", *to).exit_code == 0
+    ended = rover("status", "asks", *to).output
+    assert "answered turn back" in ended
+    assert ended.count("SUCCESS") == 4

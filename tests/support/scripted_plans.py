@@ -44,6 +44,7 @@ class ScriptedPort:
         self.manual_clock = ManualClock()
         self.clock: Clock = self.manual_clock
         self.why = ""
+        self.records = None
         self.values: dict[str, float] = {}
         self.events: list[tuple[str | float, ...]] = []
         self.queries: dict[int, int] = {}

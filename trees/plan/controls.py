@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from executive.plans import PlanNode, UnknownValueError, Value, case_matches
+from executive.plans import CellReference, PlanNode, UnknownValueError, Value, case_matches, text_of
 from trees.plan.node import (
     FAILURE,
     IDLE,
@@ -20,8 +20,8 @@ class ControlNode(PlanBehaviour):
 
     def __init__(self, plan: PlanNode, run: PlanRun, nodes: Sequence[PlanBehaviour]) -> None:
         super().__init__(plan, run, nodes)
-        is_fallback = "Fallback" in plan.kind.name
-        self.continues, self.ends = (FAILURE, SUCCESS) if is_fallback else (SUCCESS, FAILURE)
+        self.chooses = "Fallback" in plan.kind.name
+        self.continues, self.ends = (FAILURE, SUCCESS) if self.chooses else (SUCCESS, FAILURE)
 
 
 class OrderedBranch(ControlNode):
@@ -61,6 +61,9 @@ class OrderedBranch(ControlNode):
                 self.current = self.current if self._remembers else 0
                 return answer
             self.current += 1
+            if self.chooses and self.current < count:
+                cause = self.cause_of(child, answer)
+                self.decide(self.current, f"{self.branch_text(self.current)}: {cause}")
             if answer is SKIPPED:
                 self.skipped += 1
             elif self._yields and begins and self.current < count:
@@ -83,9 +86,15 @@ class ReactiveBranch(ControlNode):
     def run(self) -> Answer:
         """Tick the children; one that is RUNNING resets all others."""
         self.status = RUNNING
-        all_skipped = True
-        for child in self.nodes:
+        all_skipped, cause = True, ""
+        for index, child in enumerate(self.nodes):
             answer = child.execute()
+            if self.chooses and answer is not self.continues and answer is not SKIPPED:
+                if index or self._choice is not None:
+                    cause = cause or f"{child.name} no longer fails"
+                    self.decide(index, f"{self.branch_text(index)}: {cause}")
+            elif self.chooses:
+                cause = self.cause_of(child, answer)
             if answer is SKIPPED:
                 child.reset()
                 continue
@@ -150,7 +159,17 @@ class ParallelBranch(PlanBehaviour):
         return answer
 
 
-class IfThenElse(PlanBehaviour):
+class ConditionalBranch(PlanBehaviour):
+    """A node with a condition as its first child."""
+
+    def take(self, at: int, answer: Answer) -> None:
+        """Note that it runs a branch, because of the answer of the condition."""
+        if at != self._choice:
+            cause = self.cause_of(self.nodes[0], answer)
+            self.decide(at, f"took {self.nodes[at].name}: {cause}")
+
+
+class IfThenElse(ConditionalBranch):
     """`IfThenElse`: tests its first child once, then runs a branch to its end.
 
     Attributes:
@@ -174,6 +193,7 @@ class IfThenElse(PlanBehaviour):
             else:
                 self.reset_children()
                 return answer
+            self.take(self.current, answer)
         answer = self.nodes[self.current].execute()
         if answer is not RUNNING:
             self.reset_children()
@@ -181,7 +201,7 @@ class IfThenElse(PlanBehaviour):
         return answer
 
 
-class WhileDoElse(PlanBehaviour):
+class WhileDoElse(ConditionalBranch):
     """`WhileDoElse`: tests its first child in each tick, and runs the branch that it selects."""
 
     def run(self) -> Answer:
@@ -194,9 +214,11 @@ class WhileDoElse(PlanBehaviour):
         if answer is SUCCESS:
             if has_else:
                 self.nodes[2].reset()
+            self.take(1, answer)
             answer = self.nodes[1].execute()
         elif answer is FAILURE and has_else:
             self.nodes[1].reset()
+            self.take(2, answer)
             answer = self.nodes[2].execute()
         if answer is not RUNNING:
             self.reset_children()
@@ -222,6 +244,8 @@ class Switch(PlanBehaviour):
             self.reset_children()
             self.running = -1
             return FAILURE
+        if selected != self._choice:
+            self.decide(selected, self._selected_text(selected))
         if self.running not in {-1, selected}:
             self.nodes[self.running].reset()
         answer = self.nodes[selected].execute()
@@ -232,6 +256,16 @@ class Switch(PlanBehaviour):
             self.reset_children()
         self.running = -1
         return answer
+
+    def _selected_text(self, selected: int) -> str:
+        is_default = selected == len(self.nodes) - 1
+        case = "default" if is_default else f"case {selected + 1}"
+        variable = self.plan.ports.get("variable")
+        name, value = "it", variable
+        if isinstance(variable, CellReference):
+            name, value = variable.name, self.context.cells[variable.cell]
+        text = text_of(value) if isinstance(value, float | int | str) else "not written"
+        return f"took the {case} {self.nodes[selected].name}: {name} is {text}"
 
     def _selected(self) -> int:
         last = len(self.nodes) - 1
@@ -277,7 +311,9 @@ class TryCatch(PlanBehaviour):
             if answer is RUNNING:
                 return RUNNING
             if answer is FAILURE:
+                cause = self.cause_of(self.nodes[self.current], answer)
                 self.reset_children()
+                self.decide("catch", f"took the cleanup {self.nodes[-1].name}: {cause}")
                 self.current, self.catching = 0, True
                 self._why = self.context.port.why
                 break

@@ -172,6 +172,11 @@ class TimedDecorator(PlanDecorator):
             self.until_s = None
         return answer
 
+    @property
+    def next_utc_s(self) -> float | None:
+        """The end of its timer."""
+        return self.utc_of(self.until_s)
+
 
 class Timeout(TimedDecorator):
     """`Timeout`: fails when its child takes too long. The timer ends once if the child is idle."""
@@ -188,7 +193,9 @@ class Timeout(TimedDecorator):
             if self.nodes[0].status is RUNNING:
                 self.until_s = None
                 self.nodes[0].reset()
-                port.note_failure(self.plan, f"not done within {duration_s:g} s")
+                text = f"not done within {duration_s:g} s"
+                port.note_failure(self.plan, text)
+                self.decide("ended", f"ended {self.nodes[0].name}: {text}")
                 return FAILURE
             self.until_s = inf
         return self.tick_child()
@@ -225,7 +232,9 @@ class Precondition(PlanDecorator):
             if holds is None:
                 return FAILURE
             if not holds:
-                return self.answer_as("else", f"not {self.script('if').text}")
+                text = f"not {self.script('if').text}"
+                self.decide("else", f"skipped {self.nodes[0].name}: {text}")
+                return self.answer_as("else", text)
             self.inside = True
         answer = self.nodes[0].execute()
         if answer is SUCCESS or answer is FAILURE:
@@ -289,13 +298,21 @@ class Window(PlanDecorator):
         self.status = RUNNING
         ports = self.plan.ports
         if "until" in ports and self.past_s(self.plan.number("until")) >= 0.0:
+            if self.nodes[0].status is RUNNING:
+                self.decide("ended", f"ended {self.nodes[0].name}: the window has closed")
             self.nodes[0].reset()
-            self.feedback_message = "closed"
             self.context.port.note_failure(self.plan, "the window has closed")
             return FAILURE
         if "from" in ports and self.past_s(self.plan.number("from")) < 0.0:
             return RUNNING
         return self.nodes[0].execute()
+
+    @property
+    def next_utc_s(self) -> float | None:
+        """Its begin, or its end."""
+        utc_s, ports = self.context.port.clock.utc_s(), self.plan.ports
+        times = (self.plan.number(each) for each in ("from", "until") if each in ports)
+        return next((each for each in times if each > utc_s), None)
 
     @property
     def waits(self) -> str:

@@ -90,6 +90,7 @@ class Exploration:
     def __init__(self, plan: PlanRoot) -> None:
         self.clock: Clock = ManualClock()
         self.why = ""
+        self.records = None
         self.runs = 0
         self.reached: set[int] = set()
         self.repeated: set[int] = set()

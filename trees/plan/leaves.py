@@ -105,11 +105,15 @@ class Sleep(TimedLeaf):
         return SUCCESS
 
     @property
+    def next_utc_s(self) -> float | None:
+        """The end of the wait."""
+        return self.utc_of(self.until_s)
+
+    @property
     def waits(self) -> str:
         """The end of the wait."""
-        clock = self.context.port.clock
-        left_s = (self.until_s or clock.now_s()) - clock.now_s()
-        return f"waits until {time_text(clock.utc_s() + left_s)}"
+        until_utc_s = self.next_utc_s
+        return "" if until_utc_s is None else f"waits until {time_text(until_utc_s)}"
 
 
 class CommandLeaf(TimedLeaf):
@@ -121,6 +125,11 @@ class CommandLeaf(TimedLeaf):
     """
 
     deadline_s: float | None = None
+
+    @property
+    def next_utc_s(self) -> float | None:
+        """The deadline."""
+        return self.utc_of(self.deadline_s)
 
     @property
     def step(self) -> PlanStep:

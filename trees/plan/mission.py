@@ -27,6 +27,11 @@ class WaitUntil(TimedLeaf):
         return RUNNING if self.past_s(self.plan.number("utc")) < 0.0 else SUCCESS
 
     @property
+    def next_utc_s(self) -> float:
+        """The time that it waits for."""
+        return self.plan.number("utc")
+
+    @property
     def waits(self) -> str:
         """The time that it waits for."""
         return f"waits until {time_text(self.plan.number('utc'))}"
@@ -49,6 +54,11 @@ class _WaitingLeaf(TimedLeaf):
             allowed_s = self.plan.number("deadline_s")
             self.until_utc_s = self.context.port.clock.utc_s() + allowed_s
         return self.proceed()
+
+    @property
+    def next_utc_s(self) -> float | None:
+        """The deadline."""
+        return self.until_utc_s
 
     @property
     def deadline(self) -> str:
@@ -92,13 +102,16 @@ class OperatorQuestion(_WaitingLeaf):
         """Take the answer, or the default at the deadline."""
         port = self.context.port
         answer = port.take_answer(self._question)
-        if answer is None and self.is_overdue:
+        if answer is not None:
+            self.decide(answer, f"answered {answer}")
+        elif self.is_overdue:
             default = self.plan.ports.get("default")
             port.withdraw(self._question, str(default or ""))
             if not isinstance(default, str):
                 port.note_failure(self.plan, "no answer within its deadline")
                 return FAILURE
             answer = default
+            self.decide(answer, f"took the default {answer}: no answer within its deadline")
         if answer is None:
             return RUNNING
         self.write("answer", answer)

@@ -8,6 +8,7 @@ is reset is halted if it is RUNNING, and IDLE (INVALID of py_trees) in any case.
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from enum import Enum
+from math import inf
 from typing import ClassVar, Final, Protocol
 
 from py_trees.behaviour import Behaviour
@@ -17,6 +18,7 @@ from executive.plans import (
     CellReference,
     EvaluationError,
     LeafError,
+    NodeRecords,
     PlanNode,
     PlanPort,
     Script,
@@ -25,6 +27,7 @@ from executive.plans import (
     Value,
     text_of,
 )
+from executive.values.reports import TERMINAL
 
 IDLE: Final = Status.INVALID
 RUNNING: Final = Status.RUNNING
@@ -75,6 +78,10 @@ class PlanRun(Protocol):
     executed: int
     measured: frozenset[int]
 
+    @property
+    def records(self) -> NodeRecords | None:
+        """See `PlanPort`."""
+
 
 class PlanBehaviour(Behaviour):
     """A node of a plan.
@@ -87,11 +94,15 @@ class PlanBehaviour(Behaviour):
         timers: names of those that are times on the executive's clock; None if not running.
         forced: request of the operators that it obeys at its next tick.
         loops: the loops with a count around it, outermost first.
+        unknown: name of the telemetry or variable that it needs and that is not known.
     """
 
     memory: ClassVar[tuple[str, ...]] = ()
     timers: ClassVar[tuple[str, ...]] = ()
     loops: tuple["PlanBehaviour", ...] = ()
+    unknown = ""
+    _choice: object = None
+    _last: Status | None = None
 
     def __init__(self, plan: PlanNode, run: PlanRun, nodes: Sequence["PlanBehaviour"]) -> None:
         super().__init__(plan.location.name)
@@ -120,16 +131,23 @@ class PlanBehaviour(Behaviour):
             self.context.port.on_forced(self.plan, Steering.HOLD)
             return RUNNING  # it stays IDLE, so that it begins when the plan continues
         self.context.executed += 1
+        before = self.status
+        if before is IDLE and self.unknown:
+            self.unknown = ""
         answer = self._execute_guarded() if self._guarded else self.run()
         if answer is not SKIPPED:
             self.status = answer
+            if answer is not before and (before is not IDLE or answer is not self._last):
+                self._note_change(before is IDLE)
         return answer
 
     def halt(self) -> None:
         """Halt the node, which is RUNNING, with all below it."""
         self.on_halt()
         self.reset_children()
-        self.status = IDLE
+        self.status, self._choice = IDLE, None
+        if (records := self.context.records) is not None:
+            records.note_halt(self.plan)
         self._run_script("_onHalted")
 
     @property
@@ -141,6 +159,17 @@ class PlanBehaviour(Behaviour):
     def waits(self) -> str:
         """Its wait or question as text, while it is RUNNING; empty for none."""
         return ""
+
+    @property
+    def next_utc_s(self) -> float | None:
+        """End of its wait, deadline or window while it is RUNNING, seconds since 1970 UTC."""
+        return None
+
+    def utc_of(self, time_s: float | None) -> float | None:
+        """Return the UTC of a time on the executive's clock; None if it has passed."""
+        clock = self.context.port.clock
+        left_s = inf if time_s is None else time_s - clock.now_s()
+        return clock.utc_s() + left_s if 0.0 <= left_s < inf else None
 
     def overdue_s(self, time_s: float) -> float:
         """Return the seconds since a time on the executive's clock; negative before it."""
@@ -221,7 +250,9 @@ class PlanBehaviour(Behaviour):
             LeafError: it cannot be evaluated.
         """
         try:
-            return script.holds(self.context.cells)
+            holds = script.holds(self.context.cells)
+            self.unknown = ""
+            return holds
         except UnknownValueError as unknown:
             self.note_unknown(unknown)
             return None
@@ -230,8 +261,40 @@ class PlanBehaviour(Behaviour):
 
     def note_unknown(self, unknown: UnknownValueError) -> None:
         """Name the value that is not known in the message, and in the reason of a failure."""
-        self.feedback_message = f"{self.context.cell_names[unknown.cell]} is not known"
+        self.unknown = self.context.cell_names[unknown.cell]
+        self.feedback_message = f"{self.unknown} is not known"
         self.context.port.note_failure(self.plan, self.feedback_message, unknown.cell)
+
+    def decide(self, choice: object, text: str) -> None:
+        """Note a choice once until the node ends, for the operators.
+
+        Args:
+            choice: the choice; it is noted if it differs from the last one.
+            text: the choice and its cause; it begins with one of `DECISIONS`.
+        """
+        if choice != self._choice and self.context.records is not None:
+            self._choice, self.feedback_message = choice, text
+            self.context.records.note_decision(self.plan, text)
+
+    def branch_text(self, at: int) -> str:
+        """Return which child it chose, as the begin of a text of a choice."""
+        return f"took the {_ORDINALS.get(at, f'{at + 1}th')} branch {self.nodes[at].name}"
+
+    def cause_of(self, child: "PlanBehaviour", answer: Answer) -> str:
+        """Return why a child gave an answer, with the name of a node instead of its path."""
+        if answer is not FAILURE:
+            return f"{child.name} {'was skipped' if answer is SKIPPED else 'succeeded'}"
+        path, _, text = self.context.port.why.partition(": ")
+        link = " was " if text.partition(" ")[0] in _STAGES else ": "
+        return f"{path.rpartition('/')[2]}{link}{text}"
+
+    def _note_change(self, begins: bool) -> None:
+        """Note that it began, or ended."""
+        records, result = self.context.records, _RESULTS[self.status]
+        if result:
+            self._choice, self._last = None, self.status
+        if records is not None:
+            records.note(self.plan, begins, result, self.context.port.why)
 
     def _execute_guarded(self) -> Answer:
         answer: Answer | None = None
@@ -260,7 +323,7 @@ class PlanBehaviour(Behaviour):
         self.context.port.on_forced(self.plan, steering)
         if steering is Steering.RETRY:
             return None
-        self.feedback_message = "skipped"
+        self.decide(steering, f"skipped with {steering.name}: requested by an operator")
         return SUCCESS if steering is Steering.SUCCESS else FAILURE
 
     def _precondition(self) -> Answer | None:
@@ -277,13 +340,19 @@ class PlanBehaviour(Behaviour):
                 if holds and met is FAILURE:
                     self.context.port.note_failure(self.plan, f"{name}: {script.text}")
                 if holds:
+                    result = "" if met is SKIPPED else f" with {met.name}"
+                    self.decide(name, f"skipped{result}: {name} {script.text}")
                     return met
         if (script := conditions.get("_while")) is None or self.status not in _WHILE:
             return None
-        if self.holds(script):
+        if holds := self.holds(script):
             return None
+        text = f"_while {script.text}" if holds is False else self.feedback_message
         if self.status is RUNNING:
             self.halt()
+            self.decide("_while", f"ended: {text}")
+        else:
+            self.decide("_while", f"skipped: {text}")
         return SKIPPED
 
     def _run_script(self, name: str) -> bool:
@@ -298,3 +367,6 @@ _BEFORE: Final[tuple[tuple[str, Answer], ...]] = (
     ("_skipIf", SKIPPED),
 )
 _WHILE: Final = (IDLE, RUNNING)
+_RESULTS: Final = {RUNNING: "", SUCCESS: "S", FAILURE: "F"}
+_ORDINALS: Final = {0: "first", 1: "second", 2: "third"}
+_STAGES: Final = {each.name for each in TERMINAL}

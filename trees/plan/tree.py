@@ -1,10 +1,11 @@
 """`PlanTree`: the tree of one plan: its tick, its state as one flat value."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Final, TypeVar
 
 from executive.plans import (
     LeafError,
+    NodeDetail,
     PlanNode,
     PlanPort,
     PlanResult,
@@ -76,12 +77,13 @@ class PlanTree:
         yielded: whether a node requests another tick at once.
         executed: number of nodes executed in this tick.
         measured: cells with telemetry.
+        records: see `PlanPort`.
     """
 
     def __init__(
         self, plan: PlanRoot, port: PlanPort, classes: Mapping[str, NodeClass] | None = None
     ) -> None:
-        self.port = port
+        self.port, self.records = port, port.records
         self.cells: list[Value | None] = list(plan.blackboard.initial)
         self.cell_names = plan.blackboard.names
         self.yielded = False
@@ -154,6 +156,13 @@ class PlanTree:
         """Return the present waits and questions as text; empty without any."""
         running = (each for each in self.nodes if each.status is RUNNING)
         return "; ".join(filter(None, (each.waits for each in running)))
+
+    def details(self) -> Iterator[NodeDetail]:
+        """Yield the present knowledge of its nodes beside their state."""
+        for each in self.nodes:
+            next_utc_s = each.next_utc_s if each.status is RUNNING else None
+            if each.unknown or next_utc_s is not None:
+                yield NodeDetail(each.number, each.unknown, next_utc_s)
 
     def halt(self) -> None:
         """Halt all nodes that are RUNNING; their scripts run.

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import click
 
+from adapters.mal import MalError, StandardError
 from adapters.mrs.cli.options import RoverTarget, json_option, to_option
 from adapters.mrs.cli.plan_check_command import (
     ARGUMENTS,
@@ -19,6 +20,7 @@ from adapters.mrs.cli.plan_check_command import (
     prove,
     refuse,
 )
+from adapters.mrs.cli.plan_nodes_table import print_nodes
 from adapters.mrs.cli.sending import CommandSender
 from adapters.mrs.cli.terminal import (
     FAILED,
@@ -26,11 +28,12 @@ from adapters.mrs.cli.terminal import (
     echo_json,
     echo_line,
     in_session,
+    plain_fields,
     plan_ids,
     print_table,
 )
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec import wire_update
+from adapters.mrs.spec import AreaError, wire_node, wire_update
 from executive.commands import (
     AbortPlan,
     ActivatePlan,
@@ -49,9 +52,11 @@ from executive.commands import (
     declaration_of,
 )
 from executive.plans import palette, read_plan
+from executive.values.plan_nodes import PlanNodeReport
 from executive.values.reasons import Refusal
 from executive.values.reports import PlanStatus, PlanUpdate
 
+_NO_NODES: Final = {StandardError.UNSUPPORTED_OPERATION.value, AreaError.REJECTED.value}
 COLUMNS: Final = ("plan", "status", "leaves ended", "at", "text")
 
 
@@ -243,7 +248,7 @@ def resume(plan_id: str | None, step: str | None, to: RoverTarget) -> None:
 @json_option
 @in_session
 async def status(client: MrsClient, plan_ids: tuple[str, ...], as_json: bool) -> None:
-    """Show the status of plans; all without PLAN.
+    """Show the status of plans; all without PLAN. Of each PLAN, its nodes are shown, too.
 
     \b
     Examples:
@@ -251,13 +256,27 @@ async def status(client: MrsClient, plan_ids: tuple[str, ...], as_json: bool) ->
       rover plan status look-around
     """
     plans = await client.get_plan_status(*plan_ids)
-    if as_json:
-        for update in plans:
-            echo_json(wire_update(update))
-    elif plans:
+    if not plans:
+        click.echo("" if as_json else "no plans: submit one with `rover plan submit`\n", nl=False)
+    elif not as_json:
         print_table(map(plan_row, plans), *COLUMNS)
-    else:
-        click.echo("no plans: submit one with `rover plan submit`")
+    for update in plans:
+        nodes = await _nodes(client, update.plan_id) if plan_ids else ()
+        if as_json:
+            rows = {"nodes": tuple(map(wire_node, nodes))} if nodes else {}
+            echo_json({**plain_fields(wire_update(update)), **rows})
+        elif nodes:
+            print_nodes(nodes)
+
+
+async def _nodes(client: MrsClient, plan_id: str) -> tuple[PlanNodeReport, ...]:
+    """Return the nodes of a plan; none of a rover that does not report them."""
+    try:
+        return await client.get_plan_nodes(plan_id)
+    except MalError as error:
+        if error.number in _NO_NODES:
+            return ()
+        raise
 
 
 @plan.command()

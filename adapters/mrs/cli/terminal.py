@@ -48,7 +48,7 @@ TERMS_HINT: Final = (
     " --encoding"
 )
 
-_TIMES: Final = {"timestamp", "modified", "began"}
+_TIMES: Final = {"timestamp", "modified", "began", "next", "until"}
 _FIGURES: Final = {"value", "octets"}
 
 
@@ -188,10 +188,14 @@ def _plain(value: Any, name: str = "") -> Any:
         case bytes():
             return value.hex()
         case _ if is_dataclass(value):
-            names = (each.name for each in fields(value))
-            return {each: _plain(getattr(value, each), each) for each in names}
+            return _plain(plain_fields(value))
         case _:
             return value
+
+
+def plain_fields(value: Any) -> dict[str, Any]:
+    """Return the fields of an MRS value by their names."""
+    return {each.name: getattr(value, each.name) for each in fields(value)}
 
 
 def print_table(rows: Iterable[tuple[str, ...]], *columns: str) -> None:

@@ -454,6 +454,10 @@ def test_the_state_of_a_plan_is_one_row_that_does_not_grow(bench: PlanBench) -> 
     assert bench.ledger.sealed - writes < 30
     bench.request(AbortPlan("survey"))
     bench.step()
+    ((final,),) = bench.ledger.rows("SELECT state FROM plan_states")
+    assert len(final) < 500  # the last table of its nodes
+    bench.request(RemovePlan("survey"))
+    bench.step()
     assert bench.ledger.rows("SELECT * FROM plan_states") == []
 
 

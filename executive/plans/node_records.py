@@ -1,0 +1,157 @@
+"""`NodeRecords`: the progress of each node of a plan, as part of its state.
+
+A node has a record as soon as it has begun. The text of a record is computed once after a change,
+so that a state with few changes is stored quickly. Beyond `MAX_RECORDS_LENGTH`, the oldest ones
+are stored without texts.
+"""
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import Any, Final, NamedTuple
+
+from executive.plans.model import PlanNode
+from executive.values.clock import Clock
+
+MAX_TEXT_LENGTH: Final = 256
+"""Maximum length in characters of a text of a record; the rest is cut; chosen."""
+MAX_RECORDS_LENGTH: Final = 64 * 1024
+"""Length in characters of all records beyond which texts are omitted; chosen."""
+
+
+class NodeDetail(NamedTuple):
+    """Present knowledge of a node.
+
+    Attributes:
+        unknown: name of the telemetry or variable that it needs and that is not known.
+        next_utc_s: end of its wait, deadline or window, seconds since 1970-01-01 UTC.
+    """
+
+    node: int
+    unknown: str = ""
+    next_utc_s: float | None = None
+
+
+class NodeRecord(NamedTuple):
+    """Record of a node.
+
+    Attributes:
+        since_utc_s: when it began, ended or was halted last, seconds since 1970-01-01 UTC.
+        tries: how often it began.
+        result: S or F by its last end; empty before.
+        reason: number of the reason of its last failure; 0 for none.
+        text: why it failed last.
+        decision: which branch it took last, and why.
+    """
+
+    node: int
+    since_utc_s: float = 0.0
+    tries: int = 0
+    result: str = ""
+    reason: int = 0
+    text: str = ""
+    decision: str = ""
+
+
+def read_records(text: str) -> tuple[dict[int, NodeRecord], dict[int, NodeDetail]]:
+    """Return the records and details of a text by the numbers of the nodes."""
+    records, details = json.loads(text or "[[],[]]")
+    return (
+        {each[0]: NodeRecord(*each) for each in records},
+        {each[0]: NodeDetail(*each) for each in details},
+    )
+
+
+@dataclass(slots=True)
+class _Record:
+    """A record, and its text; empty after a change."""
+
+    node: int
+    since_utc_s: float = 0.0
+    tries: int = 0
+    result: str = ""
+    reason: int = 0
+    text: str = ""
+    decision: str = ""
+    encoded: str = ""
+
+    def encode(self, has_texts: bool = True) -> str:
+        """Return its text."""
+        fields: list[Any] = [self.node, self.since_utc_s, self.tries, self.result, self.reason]
+        if has_texts and (self.text or self.decision):
+            fields += [self.text[:MAX_TEXT_LENGTH], self.decision[:MAX_TEXT_LENGTH]]
+        self.encoded = json.dumps(fields, separators=(",", ":"))
+        return self.encoded
+
+
+class NodeRecords:
+    """Records of the nodes of a running plan.
+
+    Args:
+        stored: the records of its state, as text.
+    """
+
+    def __init__(self, stored: str, clock: Clock) -> None:
+        self._clock = clock
+        self._records = {each: _Record(*found) for each, found in read_records(stored)[0].items()}
+        self._reasons: dict[int, int] = {}
+
+    def note(self, node: PlanNode, begins: bool, result: str, why: str) -> None:
+        """Note that a node began, or ended with S or F; an end repeated at once counts once.
+
+        Args:
+            node: the node.
+            begins: whether it begins.
+            result: its result; empty while it runs.
+            why: the last failure.
+        """
+        record = self._changed(node)
+        if begins and result and result == record.result:
+            return
+        record.since_utc_s = self._clock.utc_s()
+        record.tries += begins
+        record.result = result or record.result
+        if result == "F":
+            record.text, record.reason = why, self._reason(node, why)
+
+    def note_halt(self, node: PlanNode) -> None:
+        """Note that a node was halted."""
+        self._changed(node).since_utc_s = self._clock.utc_s()
+
+    def note_reason(self, number: int, reason: int) -> None:
+        """Note the number of the reason of the failure that a node has next."""
+        self._reasons[number] = reason
+
+    def note_decision(self, node: PlanNode, text: str) -> None:
+        """Note which branch a node took, and why."""
+        self._changed(node).decision = text
+
+    def encoded(self, details: Iterable[NodeDetail]) -> str:
+        """Return the records and the present details as text; see `read_records`."""
+        records = self._records.values()
+        text = ",".join(each.encoded or each.encode() for each in records)
+        if len(text) > MAX_RECORDS_LENGTH:
+            text = ",".join(self._shortened())
+        shown = json.dumps(tuple(details), separators=(",", ":"))
+        return f"[[{text}],{shown}]"
+
+    def _shortened(self) -> Iterable[str]:
+        left = MAX_RECORDS_LENGTH
+        for each in sorted(self._records.values(), key=attrgetter("since_utc_s"), reverse=True):
+            left -= len(each.encoded)
+            yield each.encoded if left > 0 else each.encode(has_texts=False)
+
+    def _changed(self, node: PlanNode) -> _Record:
+        number = node.location.number
+        record = self._records.get(number)
+        if record is None:
+            record = self._records[number] = _Record(number)
+        record.encoded = ""
+        return record
+
+    def _reason(self, node: PlanNode, why: str) -> int:
+        """Return the reason of its command, or that of the child with the same failure."""
+        below = (self._records.get(each.location.number) for each in node.children)
+        same = (each.reason for each in below if each is not None and each.text == why)
+        return self._reasons.pop(node.location.number, 0) or next(same, 0)

@@ -1,0 +1,108 @@
+"""The table of a plan's nodes: what has happened to each, while it runs, waits, and has ended."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from executive.commands import AnswerQuestion
+from executive.values.plan_nodes import NodeStatus, PlanNodeReport
+from executive.values.reasons import Reason, Refusal
+from executive.values.reports import Identity, PlanStatus
+from tests.support.plans import AHEAD, TOO_LATE, PlanBench
+
+BACK = '<moveForward name="back" distance="1" deadline_s="60"/>'
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[PlanBench]:
+    with PlanBench(tmp_path) as bench:
+        yield bench
+
+
+FALLBACK = f'<Fallback name="there">{TOO_LATE}{BACK}</Fallback>'
+
+
+def table(bench: PlanBench) -> dict[str, PlanNodeReport]:
+    """Return the nodes of the plan by the ends of their paths."""
+    found = bench.executive.plan_nodes("survey")
+    assert not isinstance(found, Refusal), found
+    return {each.path.rpartition("/")[2]: each for each in found}
+
+
+def test_a_fallback_says_which_branch_it_took_and_why(bench: PlanBench) -> None:
+    assert bench.outcome(FALLBACK) is PlanStatus.COMPLETED
+    found = table(bench)
+    late, back, there = found["moveForward"], found["back"], found["there"]
+    assert there.decision.startswith("took the second branch back: moveForward was CANCELLED 7")
+    assert (late.result, late.tries, late.reason) == (NodeStatus.FAILURE, 1, Reason.PLAN_DEADLINE)
+    assert "not done within 1 s" in late.text
+    assert (back.result, back.reason, back.text) == (NodeStatus.SUCCESS, None, "")
+    assert back.command == Identity("plan:survey", 2)
+    assert there.result is NodeStatus.SUCCESS
+    assert {each.status for each in found.values()} == {NodeStatus.IDLE}
+    assert back.since_utc_s is not None
+    assert late.since_utc_s is not None
+    assert late.since_utc_s < back.since_utc_s
+
+
+ASKS = """<Sequence>
+<Ask name="ditch" question="Cross it?" options="cross;back" default="back" deadline_s="20"
+     answer="{way}"/>
+<Switch2 name="way" variable="{way}" case_1="cross" case_2="back">
+  <moveForward name="over" distance="1" deadline_s="60"/>
+  <moveForward name="home" distance="-1" deadline_s="60"/>
+  <AlwaysFailure/>
+</Switch2></Sequence>"""
+
+
+def test_an_open_question_has_its_deadline(bench: PlanBench) -> None:
+    bench.begin(ASKS)
+    ditch = table(bench)["ditch"]
+    assert ditch.question is not None
+    assert ditch.question.options == ("cross", "back")
+    assert ditch.question.until_utc_s == ditch.next_utc_s
+    assert ditch.since_utc_s is not None
+    assert ditch.next_utc_s is not None
+    assert 19.9 < ditch.next_utc_s - ditch.since_utc_s <= 20.0
+    bench.request(AnswerQuestion("survey", "ditch", "cross"))
+    bench.run(0.5)
+    found = table(bench)
+    assert found["ditch"].question is None
+    assert found["ditch"].decision == "answered cross"
+    assert found["way"].decision == "took the case 1 over: way is cross"
+
+
+def test_a_default_is_named(bench: PlanBench) -> None:
+    assert bench.outcome(ASKS) is PlanStatus.COMPLETED
+    found = table(bench)
+    assert found["ditch"].decision == "took the default back: no answer within its deadline"
+    assert found["way"].decision == "took the case 2 home: way is back"
+
+
+def test_the_unknown_value_of_a_wait_is_named(bench: PlanBench) -> None:
+    wait = '<WaitFor name="w" if="@BATTERY_CHARGE &gt; 0.9" deadline_s="60"/>'
+    bench.begin(f"<Sequence>{wait}{AHEAD}</Sequence>")
+    found = table(bench)["w"]
+    assert (found.status, found.unknown) == (NodeStatus.RUNNING, "BATTERY_CHARGE")
+    bench.charge_ratio = 0.5
+    bench.run(1.0)
+    found = table(bench)["w"]
+    assert (found.status, found.unknown) == (NodeStatus.RUNNING, "")
+    assert found.tries == 1
+
+
+def test_the_table_survives_a_kill(bench: PlanBench) -> None:
+    bench.begin(f"<Sequence>{FALLBACK}<Sleep name='rest' msec='60000'/></Sequence>", 0.2)
+    bench.run(30.0)
+    before = table(bench)
+    assert before["rest"].next_utc_s is not None
+    bench.crash()
+    found = table(bench)
+    assert bench.status().status is PlanStatus.SUSPENDED
+    assert found["rest"].next_utc_s is None
+    assert found == {
+        name: each if name != "rest" else replace(each, next_utc_s=None)
+        for name, each in before.items()
+    }
