@@ -3,7 +3,6 @@
 from executive.plans.abstraction import ANY as ANY
 from executive.plans.abstraction import Abstraction as Abstraction
 from executive.plans.abstraction import input_cells as input_cells
-from executive.plans.arguments import ArgumentError as ArgumentError
 from executive.plans.arguments import number as number
 from executive.plans.arguments import utc as utc
 from executive.plans.builder import check_bounds as check_bounds
@@ -74,4 +73,5 @@ from executive.plans.scripting import text_of as text_of
 from executive.plans.state import PlanState as PlanState
 from executive.plans.state import StateError as StateError
 from executive.plans.state import TreeState as TreeState
+from executive.plans.syntax import ArgumentError as ArgumentError
 from executive.plans.syntax import Value as Value

@@ -1,16 +1,17 @@
 """Texts of attributes as values: numbers with units, times, choices, waypoints."""
 
 import re
-from calendar import monthrange, timegm
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from datetime import datetime
 from difflib import get_close_matches
 from enum import Enum
 from itertools import islice
-from typing import Final
+from typing import Final, TypeVar
 
 from executive.commands import Argument, Waypoint
 from executive.plans.scripting import text_of, value_of
-from executive.plans.syntax import Value
+from executive.plans.syntax import ArgumentError, Value
 from executive.values.quantities import QuantityError, read_quantity
 
 MAX_VALUE_LENGTH: Final = 16_384
@@ -19,11 +20,6 @@ without a bound one plan could block the core, and with it a stop, for minutes."
 MAX_WAYPOINTS: Final = 200
 """Maximum number of waypoints of one leaf; the asset's own bound is lower."""
 
-_TIME: Final = re.compile(
-    r"(\d{4})-(\d\d)-(\d\d)[T ](\d\d):(\d\d)(?::(\d\d))?"
-    r"(?:Z|(?P<sign>[+-])(?P<hours>\d\d):?(?P<minutes>\d\d))",
-    re.ASCII,
-)
 _COUNT: Final = re.compile(r"[+-]?[0-9]{1,9}")
 _MAX_QUOTED_LENGTH: Final = 40
 """Maximum length in characters of an invalid word that is compared and quoted."""
@@ -33,8 +29,7 @@ _MAX_SUGGESTIONS: Final = 200
 ArgumentValue = float | int | str | Enum | tuple[Waypoint, ...]
 
 
-class ArgumentError(ValueError):
-    """A text is no value of its attribute; the message begins with the attribute."""
+T = TypeVar("T")
 
 
 def quote(word: str) -> str:
@@ -42,7 +37,7 @@ def quote(word: str) -> str:
     return repr(word[:_MAX_QUOTED_LENGTH])
 
 
-def suggest(word: str, known: Sequence[str] | dict[str, Enum]) -> str:
+def suggest(word: str, known: Iterable[str]) -> str:
     """Return a suffix for a message about an invalid word: the nearest known word, if any."""
     short = [
         each for each in islice(known, _MAX_SUGGESTIONS) if len(each) <= 2 * _MAX_QUOTED_LENGTH
@@ -92,26 +87,16 @@ def utc(name: str, text: str) -> float:
     Raises:
         ArgumentError: it is no such time.
     """
-    found = _TIME.fullmatch(text.strip())
-    if found is None:
-        if not isinstance(seconds := value_of(text.strip()), str):
-            return seconds
-    elif _is_date(*(figures := [int(each or 0) for each in found.groups()[:6]])):
-        sign = -1 if found["sign"] == "-" else 1
-        ahead_s = sign * (int(found["hours"] or 0) * 3600 + int(found["minutes"] or 0) * 60)
-        return float(timegm((*figures, 0, 0, 0)) - ahead_s)
+    with suppress(ValueError):
+        moment = datetime.fromisoformat(text.strip())
+        if moment.tzinfo is not None and moment.year >= 1970:
+            return moment.timestamp()
+    if not isinstance(seconds := value_of(text.strip()), str):
+        return seconds
     raise ArgumentError(f"{name} {text[:40]!r}: a time as 2026-11-27T09:00:00Z is needed")
 
 
-def _is_date(year: int, month: int, day: int, hour: int, minute: int, second: int) -> bool:
-    """Return whether figures are a date and a time of day."""
-    in_year = 1970 <= year <= 9999 and 1 <= month <= 12
-    if not in_year or not 1 <= day <= monthrange(year, month)[1]:
-        return False
-    return hour < 24 and minute < 60 and second < 60
-
-
-def choice(name: str, text: str, choices: dict[str, Enum]) -> Enum:
+def choice(name: str, text: str, choices: Mapping[str, T]) -> T:
     """Return one of several values by its text.
 
     Raises:
@@ -123,8 +108,21 @@ def choice(name: str, text: str, choices: dict[str, Enum]) -> Enum:
     return choices[text.strip()]
 
 
+def place(name: str, text: str) -> list[float]:
+    """Return a position `x,y` or `x,y,heading`, in m and rad.
+
+    Raises:
+        ArgumentError: it is none.
+    """
+    figures = enumerate(text.split(","))
+    found = [number(name, part, "rad" if at == 2 else "m") for at, part in figures]
+    if len(found) not in {2, 3}:
+        raise ArgumentError(f"{name} {text[:40]!r} is neither x,y nor x,y,heading")
+    return found
+
+
 def waypoints(name: str, text: str) -> tuple[Waypoint, ...]:
-    """Return waypoints, written `x,y` or `x,y,heading` and joined by `;`.
+    """Return places joined by `;`.
 
     Raises:
         ArgumentError: a waypoint is not valid, or there are too many.
@@ -132,17 +130,7 @@ def waypoints(name: str, text: str) -> tuple[Waypoint, ...]:
     parts = text.strip().strip(";").split(";")
     if len(parts) > MAX_WAYPOINTS:
         raise ArgumentError(f"{name}: {len(parts)} waypoints, {MAX_WAYPOINTS} at most")
-    found = []
-    for waypoint in parts:
-        figures = enumerate(waypoint.split(","))
-        match [number(name, part, "rad" if at == 2 else "m") for at, part in figures]:
-            case [x_m, y_m]:
-                found.append(Waypoint(x_m, y_m))
-            case [x_m, y_m, heading_rad]:
-                found.append(Waypoint(x_m, y_m, heading_rad))
-            case _:
-                raise ArgumentError(f"{name} {waypoint[:40]!r} is neither x,y nor x,y,heading")
-    return tuple(found)
+    return tuple(Waypoint(*place(name, each)) for each in parts)
 
 
 def argument_value(argument: Argument, value: Value) -> ArgumentValue:

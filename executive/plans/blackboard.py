@@ -7,7 +7,7 @@ above, or with `_autoremap` all that it does not set. `@name` is a name of the r
 from executive.plans.dialect import TELEMETRY
 from executive.plans.model import Blackboard
 from executive.plans.scripting import NUMBER, Types, type_of, value_of
-from executive.plans.syntax import CONSTANTS, Value
+from executive.plans.syntax import CONSTANTS, ArgumentError, Value
 
 _MAX_NAME_LENGTH = 64
 
@@ -79,6 +79,7 @@ class Scope:
         autoremap: bool = False,
     ) -> None:
         self.cells = cells
+        self._root: Scope = self if above is None else above._root
         self.used: set[str] = set()
         self.measured: set[str] = set()
         self._label = label
@@ -99,15 +100,15 @@ class Scope:
         """Return the cell of a name.
 
         Raises:
-            ValueError: no variable can have this name.
+            ArgumentError: no variable can have this name.
         """
         if name.startswith("@"):
             self._root.measured.add(name[1:])
             return self._root.resolve(name[1:])
         if not name or len(name) > _MAX_NAME_LENGTH or not name.isprintable():
-            raise ValueError(f"{name[:40]!r} is no name of a variable")
+            raise ArgumentError(f"{name[:40]!r} is no name of a variable")
         if name in CONSTANTS:
-            raise ValueError(f"{name} is a constant, and no name of a variable")
+            raise ArgumentError(f"{name} is a constant, and no name of a variable")
         self.used.add(name)
         if name in self._own:
             return self._own[name]
@@ -121,12 +122,16 @@ class Scope:
             self.cells.telemetry[cell] = name
         return cell
 
-    @property
-    def _root(self) -> "Scope":
-        scope = self
-        while scope._above is not None:
-            scope = scope._above
-        return scope
+    def cell_of(self, attribute: str, name: str) -> int:
+        """Return the cell of a name in an attribute, which an error names.
+
+        Raises:
+            ArgumentError: no variable can have this name.
+        """
+        try:
+            return self.resolve(name)
+        except ArgumentError as error:
+            raise ArgumentError(f"{attribute}: {error}") from error
 
 
 def variable(text: str, attribute: str) -> str | None:

@@ -12,7 +12,7 @@ from typing import Final
 
 from executive.commands import FollowPath, MoveTo, PlanArgument, PlanDefinition, Request, Waypoint
 from executive.commands.intake import check_arguments
-from executive.plans.arguments import ArgumentError, check_length, quote, suggest
+from executive.plans.arguments import check_length, quote, suggest
 from executive.plans.blackboard import CellTable, Scope, variable
 from executive.plans.dialect import (
     CONDITIONS,
@@ -52,7 +52,15 @@ from executive.plans.scripting import (
     type_of,
     value_of,
 )
-from executive.plans.syntax import ASSIGNMENTS, NAME, Expression, ScriptError, expressions, parse
+from executive.plans.syntax import (
+    ASSIGNMENTS,
+    NAME,
+    ArgumentError,
+    Expression,
+    ScriptError,
+    expressions,
+    parse,
+)
 from executive.settings import Settings
 from executive.values.geometry import Point
 from executive.values.reasons import Reason, Refusal
@@ -141,57 +149,63 @@ class _Expansion:
         again: defaultdict[str, Iterator[int]] = defaultdict(lambda: count(2))
         found = []
         for element in parent.children:
-            kind = node_kind(element, self._trees) or ROOT_KIND
-            is_subtree = kind is ROOT_KIND
-            first = name_of(element, element.attributes["ID"] if is_subtree else kind.name)
+            kind = node_kind(element, self._trees)
+            first = name_of(element, element.attributes.get("ID") or kind.name)
             name = first
             while name in taken:
                 name = f"{first} {next(again[first])}"
             taken.add(name)
             at = self._location(f"{location.path}/{name}", element)
-            texts = ports_of(element)
-            if kind.port("name") is not None and "name" in element.attributes:
-                texts["name"] = element.attributes["name"]
-            scripts = _scripts(element, kind, scope)
-            self._check_size(element, scope.cells, scripts)
-            if is_subtree:
-                children = self._subtree(element, at, texts, scope, above, limited)
-            else:
-                _check_structure(element, kind, texts)
-                _note_outputs(element, kind, texts, scope)
-                ends = kind.name == "Timeout" or (kind.name == "Window" and "until" in texts)
-                children = self._children(element, at, scope, above, limited or ends)
-            make = PlanNode if kind.command is None else PlanStep
-            node = make(at, kind, children, {}, {})
-            found.append(node)
-            self.drafts.append(_Draft(node, element, scope, limited, texts, scripts))
+            with element.located():
+                found.append(self._node(element, kind, at, scope, above, limited))
         return tuple(found)
 
-    def _subtree(
+    def _node(
         self,
         element: Element,
+        kind: NodeKind,
         location: NodeLocation,
-        texts: Mapping[str, str],
         scope: Scope,
         above: tuple[str, ...],
         limited: bool,
-    ) -> tuple[PlanNode, ...]:
-        tree = element.attributes["ID"]
+    ) -> PlanNode:
+        texts, scripts = ports_of(element), _scripts(element, kind, scope)
+        if kind.port("name") is not None and "name" in element.attributes:
+            texts["name"] = element.attributes["name"]
+        self._check_size(element, scope.cells, scripts)
+        below, inner, ends = element, scope, False
+        if kind.role is Role.SUBTREE:
+            tree = element.attributes["ID"]
+            below, inner = self._trees[tree], self._subtree_scope(element, location, texts, scope)
+            if tree in above:
+                raise element.error(_STRUCTURE, f"tree {tree[:40]!r} contains itself")
+            above = (*above, tree)
+        else:
+            _check_structure(element, kind, texts)
+            _note_outputs(kind, texts, scope)
+            ends = kind.name == "Timeout" or (kind.name == "Window" and "until" in texts)
+        children = self._children(below, location, inner, above, limited or ends)
+        make = PlanNode if kind.command is None else PlanStep
+        node = make(location, kind, children, {}, {})
+        self.drafts.append(_Draft(node, element, scope, limited, texts, scripts))
+        return node
+
+    def _subtree_scope(
+        self, element: Element, location: NodeLocation, texts: Mapping[str, str], scope: Scope
+    ) -> Scope:
         if element.children:
             raise element.error(_STRUCTURE, "<SubTree> has no children")
-        if tree in above:
-            raise element.error(_STRUCTURE, f"tree {tree[:40]!r} contains itself")
         autoremap = element.attributes.get(AUTOREMAP, "false").lower() in {"true", "1"}
         inner = Scope(scope.cells, f"{location.path.partition('/')[2]}/", scope, autoremap)
-        given = texts if autoremap else {**self._defaults.get(tree, {}), **texts}
+        defaults = {} if autoremap else self._defaults.get(element.attributes["ID"], {})
         self.subtrees.append((element, inner, texts))
-        for name, text in given.items():
+        for name, text in {**defaults, **texts}.items():
             outer = variable(text, name)
             if outer is not None:
-                _cell(element, scope, name, outer)
+                scope.cell_of(name, outer)
             inner.set(name, text)
             self._check_size(element, scope.cells, {})
-        return self._children(self._trees[tree], location, inner, (*above, tree), limited)
+        return inner
 
     def _check_size(
         self, element: Element, cells: CellTable, scripts: Mapping[str, tuple[Expression, ...]]
@@ -233,7 +247,7 @@ def _check_structure(element: Element, kind: NodeKind, texts: Mapping[str, str])
     for name in texts:
         if name not in names:
             near = suggest(name, names) or ": remove it"
-            raise element.error(_ARGUMENT, f"unknown attribute {quote(name)}{near}")
+            raise ArgumentError(f"unknown attribute {quote(name)}{near}")
 
 
 def _scripts(element: Element, kind: NodeKind, scope: Scope) -> dict[str, tuple[Expression, ...]]:
@@ -244,31 +258,30 @@ def _scripts(element: Element, kind: NodeKind, scope: Scope) -> dict[str, tuple[
         text = element.attributes.get(attribute)
         if text is None:
             continue
+        check_length(attribute, text)
         try:
-            found[attribute] = parse(check_length(attribute, text), scope.resolve)
+            found[attribute] = parse(text, scope.resolve)
         except ScriptError as error:
-            raise element.error(_ARGUMENT, f"{attribute}: {error}") from error
-        except ArgumentError as error:
-            raise element.error(_ARGUMENT, str(error)) from error
+            raise ArgumentError(f"{attribute}: {error}") from error
         if not found[attribute]:
-            raise element.error(_ARGUMENT, f"{attribute} is empty: a script is needed")
+            raise ArgumentError(f"{attribute} is empty: a script is needed")
         for each in expressions(found[attribute]):
             if each.sign in ASSIGNMENTS:
                 cells.changed.add(each.cell)
                 if each.cell in cells.telemetry:
                     text = f"{attribute}: column {each.column}: {each.text} is telemetry"
-                    raise element.error(_ARGUMENT, f"{text}, and is not written")
+                    raise ArgumentError(f"{text}, and is not written")
             if each.sign == ":=":
                 cells.created.add(each.cell)
     return found
 
 
-def _note_outputs(element: Element, kind: NodeKind, texts: Mapping[str, str], scope: Scope) -> None:
+def _note_outputs(kind: NodeKind, texts: Mapping[str, str], scope: Scope) -> None:
     """Note the variables that the output ports of a node set, and that `SetBlackboard` copies."""
     cells = scope.cells
     copied = variable(texts.get("value", ""), "value")
     if copied is not None and kind.name == "SetBlackboard":
-        _cell(element, scope, "value", copied)
+        scope.cell_of("value", copied)
     for port in kind.ports:
         if not port.type.is_output or port.name not in texts:
             continue
@@ -276,20 +289,13 @@ def _note_outputs(element: Element, kind: NodeKind, texts: Mapping[str, str], sc
         name = variable(text, port.name)
         if name is None and port.name != "output_key":
             needed = "a variable in braces, as {x}, is needed"
-            raise element.error(_ARGUMENT, f"{port.name} {quote(text)}: {needed}")
-        cell = _cell(element, scope, port.name, name or text)
+            raise ArgumentError(f"{port.name} {quote(text)}: {needed}")
+        cell = scope.cell_of(port.name, name or text)
         if cell in cells.telemetry:
             text = f"{port.name}: {cells.telemetry[cell]} is telemetry, and is not written"
-            raise element.error(_ARGUMENT, text)
+            raise ArgumentError(text)
         cells.created.add(cell)
         cells.changed.add(cell)
-
-
-def _cell(element: Element, scope: Scope, attribute: str, name: str) -> int:
-    try:
-        return scope.resolve(name)
-    except ValueError as error:
-        raise element.error(_ARGUMENT, f"{attribute}: {error}") from error
 
 
 _WRITTEN: Final = {PortType.WRITTEN_NUMBER: NUMBER, PortType.WRITTEN_TEXT: TEXT}
@@ -299,15 +305,17 @@ def _infer_types(drafts: Sequence[_Draft], cells: CellTable) -> None:
     """Raise PlanError where a variable or an expression mixes types."""
     types = cells.types()
     for draft in drafts:
-        for port in draft.node.kind.ports:
-            if port.type in _WRITTEN:
-                _unite(draft, port.name, _WRITTEN[port.type], types)
+        with draft.element.located():
+            for port in draft.node.kind.ports:
+                if port.type in _WRITTEN:
+                    _unite(draft, port.name, _WRITTEN[port.type], types)
     waiting: defaultdict[int, list[_Draft]] = defaultdict(list)
     pending = list(drafts)
     while pending:
         before = list(types)
         for draft in pending:
-            _infer_draft(draft, types)
+            with draft.element.located():
+                _infer_draft(draft, types)
             for cell in draft.cells:
                 if types[cell] is None:
                     waiting[cell].append(draft)
@@ -322,7 +330,7 @@ def _infer_draft(draft: _Draft, types: Types) -> None:
             for each in statements:
                 infer(each, types)
         except ScriptError as error:
-            raise draft.element.error(_ARGUMENT, f"{attribute}: {error}") from error
+            raise ArgumentError(f"{attribute}: {error}") from error
     if draft.node.kind.name == "SetBlackboard" and "value" in draft.texts:
         text = draft.texts["value"]
         name = variable(text, "value")
@@ -339,7 +347,7 @@ def _unite(draft: _Draft, port: str, kind: ValueType, types: Types) -> None:
     before, name = types[cell], draft.scope.cells.name(cell)
     if before is not None and before is not kind:
         text = f"{port}: {name} is {before.value}, and gets {kind.value}: use another name"
-        raise draft.element.error(_ARGUMENT, text)
+        raise ArgumentError(text)
     types[cell] = kind
 
 
@@ -354,7 +362,7 @@ def _check_reads(draft: _Draft) -> None:
                 text += f"nothing sets {each.text}{_remedy(draft.scope, each.text)}"
             else:
                 text += f"{each.text} does not exist before {each.sign!r}: use :="
-            raise draft.element.error(_ARGUMENT, text)
+            raise ArgumentError(text)
 
 
 def _remedy(scope: Scope, name: str) -> str:
@@ -431,13 +439,12 @@ def _read(definition: PlanDefinition) -> PlanRoot:
             raise PlanError(_ARGUMENT, None, text)
     drafts = sorted(expansion.drafts, key=lambda each: each.node.location.number)
     for draft in drafts:
-        _check_reads(draft)
+        with draft.element.located():
+            _check_reads(draft)
     _infer_types(drafts, cells)
     for draft in drafts:
-        try:
+        with draft.element.located():
             draft.finish()
-        except ArgumentError as error:
-            raise draft.element.error(_ARGUMENT, str(error)) from error
     board, resumes = cells.blackboard(), resumes_after_restart(root)
     unused = tuple(_unused(trees, main, expansion.subtrees))
     return PlanRoot(built.location, built.kind, built.children, {}, {}, board, resumes, unused)

@@ -7,7 +7,7 @@ from dataclasses import astuple, dataclass, replace
 from typing import Final
 
 from executive.commands import CommandDeclaration, PlanDefinition, Request
-from executive.plans.arguments import ArgumentError, ArgumentValue, argument_value, number
+from executive.plans.arguments import ArgumentValue, argument_value, number, place
 from executive.plans.dialect import DEADLINE, NodeKind
 from executive.plans.scripting import Cells, Script, UnknownValueError
 from executive.plans.syntax import Value
@@ -89,43 +89,34 @@ class PlanStep(PlanNode):
     @property
     def request(self) -> Request | None:
         """The request; None if an argument is read from the blackboard."""
-        given = (self.ports.get(each.name) for each in self._declaration.user_arguments)
-        is_open = any(isinstance(each, CellReference) for each in given)
-        return None if is_open else self.request_from([])
+        given = [self.ports.get(each.name) for each in self._declaration.user_arguments]
+        if any(isinstance(each, CellReference) for each in given):
+            return None
+        request: Request = self._declaration.build_request(*given)
+        return request
 
-    def request_from(self, cells: Cells) -> Request:
-        """Return the request with the arguments of the blackboard.
+    def bound(self, cells: Cells) -> "PlanStep":
+        """Return it with its arguments from the blackboard.
 
         Raises:
             UnknownValueError: an argument has no known value.
             ArgumentError: a value is none of its argument.
         """
-        values = []
-        for argument in self._declaration.user_arguments:
-            value = self.ports.get(argument.name)
-            if isinstance(value, CellReference):
-                found = cells[value.cell]
-                if found is None:
-                    raise UnknownValueError(value.cell)
-                value = argument_value(argument, found)
-            values.append(value)
-        request: Request = self._declaration.build_request(*values)
-        return request
-
-    def bound(self, cells: Cells) -> "PlanStep | None":
-        """Return it with its arguments from the blackboard; None if they are not known."""
         ports = dict(self.ports)
         for argument in self._declaration.user_arguments:
             value = self.ports.get(argument.name)
             if isinstance(value, CellReference):
                 found = cells[value.cell]
                 if found is None:
-                    return None
-                try:
-                    ports[argument.name] = argument_value(argument, found)
-                except ArgumentError:
-                    return None
+                    raise UnknownValueError(value.cell)
+                ports[argument.name] = argument_value(argument, found)
         return replace(self, ports=ports)
+
+    def request_from(self, cells: Cells) -> Request:
+        """Return the request with the arguments of the blackboard; see `bound`."""
+        request = self.bound(cells).request
+        assert request is not None
+        return request
 
     @property
     def _declaration(self) -> CommandDeclaration:
@@ -210,12 +201,7 @@ def part_values(loop: str, part: str) -> dict[str, Value]:
         case "LoopDouble":
             return {"value": number("queue", part)}
         case _:
-            figures = part.split(",")
-            if len(figures) not in {2, 3}:
-                raise ArgumentError(f"queue {part[:40]!r} is neither x,y nor x,y,heading")
-            units = (("x", "m"), ("y", "m"), ("heading", "rad"))
-            pairs = zip(units, figures, strict=False)
-            return {port: number("queue", text, unit) for (port, unit), text in pairs}
+            return dict(zip(("x", "y", "heading"), place("queue", part), strict=False))
 
 
 def resume_points(

@@ -1,6 +1,7 @@
 """The steps that a plan takes if each succeeds: for previews and the estimate of energy."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
@@ -24,7 +25,7 @@ from executive.plans.scripting import (
     text_of,
     value_of,
 )
-from executive.plans.syntax import Value
+from executive.plans.syntax import ArgumentError, Value
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +70,8 @@ def _visit(node: PlanNode, cells: Cells, left: Iterator[int]) -> Iterator[Nomina
 
 def _body(node: PlanNode, cells: Cells, left: Iterator[int]) -> Iterator[NominalStep]:
     if isinstance(node, PlanStep):
-        if (bound := node.bound(cells)) is not None:
-            yield bound
+        with suppress(UnknownValueError, ArgumentError):
+            yield node.bound(cells)
         return
     chosen = node.children
     match node.kind.name:

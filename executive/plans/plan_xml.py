@@ -5,6 +5,7 @@ No document type, entity, include or other file is read.
 
 import re
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Final
@@ -15,11 +16,13 @@ from executive.plans.dialect import (
     CONDITIONS,
     DIALECT,
     REMARKS,
+    ROOT_KIND,
     SUBTREE,
     UNSUPPORTED_NODES,
     NodeKind,
     Role,
 )
+from executive.plans.syntax import ArgumentError
 from executive.values.reasons import Figure, Reason, Refusal
 
 PLAN_ARGUMENT = 1
@@ -69,6 +72,14 @@ class Element:
     def error(self, reason: Reason, text: str) -> PlanError:
         """Return an error that concerns this element."""
         return PlanError(reason, self.line, text)
+
+    @contextmanager
+    def located(self) -> Iterator[None]:
+        """Let an `ArgumentError` be an error that concerns this element."""
+        try:
+            yield
+        except ArgumentError as error:
+            raise self.error(Reason.PLAN_BAD_ARGUMENT, str(error)) from error
 
 
 def read_xml(content: bytes) -> Element:
@@ -158,8 +169,8 @@ def is_plan_id(text: str) -> bool:
     return _PLAN_ID.fullmatch(text) is not None
 
 
-def node_kind(element: Element, trees: Collection[str]) -> NodeKind | None:
-    """Return the kind of node of an element; None for a `SubTree`.
+def node_kind(element: Element, trees: Collection[str]) -> NodeKind:
+    """Return the kind of node of an element.
 
     Raises:
         PlanError: the node or the tree is unknown, or a required ID is missing.
@@ -173,7 +184,7 @@ def node_kind(element: Element, trees: Collection[str]) -> NodeKind | None:
         if named not in trees:
             text = f"there is no tree {quote(named)}{suggest(named, list(trees))}"
             raise element.error(Reason.PLAN_UNKNOWN_NODE, text)
-        return None
+        return ROOT_KIND
     if kind not in DIALECT:
         if kind in UNSUPPORTED_NODES:
             text = f"{kind}: {UNSUPPORTED_NODES[kind]}"

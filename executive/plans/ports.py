@@ -1,17 +1,15 @@
 """`read_ports` reads the ports of a node, literals and variables, and checks their rules."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Final
 
 from executive.faults import FaultTable
 from executive.plans.arguments import (
-    ArgumentError,
     argument_value,
     check_length,
+    choice,
     count,
     number,
-    quote,
-    suggest,
     utc,
 )
 from executive.plans.blackboard import Scope, variable
@@ -26,13 +24,14 @@ from executive.plans.model import (
     parts_of,
 )
 from executive.plans.scripting import value_of
+from executive.plans.syntax import ArgumentError
 
 MAX_DEADLINE_S: Final = 86_400.0
 MAX_OPTIONS: Final = 10
 
-_STATUSES: Final = ("SUCCESS", "FAILURE", "SKIPPED", "RUNNING")
+_STATUSES: Final = {each: each for each in ("SUCCESS", "FAILURE", "SKIPPED", "RUNNING")}
 _FLAGS: Final = {"true": True, "1": True, "false": False, "0": False}
-_FAULTS: Final = tuple(FaultTable.__dataclass_fields__)
+_FAULTS: Final = {each: each for each in FaultTable.__dataclass_fields__}
 
 
 def read_ports(node: PlanNode, texts: Mapping[str, str], scope: Scope, limited: bool) -> None:
@@ -66,10 +65,7 @@ def _literal(name: str, text: str, scope: Scope) -> str | CellReference:
     wanted = variable(text, name)
     if wanted is None:
         return text
-    try:
-        cell = scope.resolve(wanted)
-    except ValueError as error:
-        raise ArgumentError(f"{name}: {error}") from error
+    cell = scope.cell_of(name, wanted)
     constant = scope.cells.constant(cell)
     if constant is not None:
         return check_length(name, constant)
@@ -94,36 +90,29 @@ def _value(port: Port, text: str, scope: Scope) -> PortValue:
         return found
     if port.argument is not None:
         return argument_value(port.argument, found)
-    match port.type:
-        case PortType.COUNT:
-            return count(name, found)
-        case PortType.MILLISECONDS:
-            msec = count(name, found)
-            if not 0 < msec <= MAX_DEADLINE_S * 1000:
-                bounds = f"above 0, {MAX_DEADLINE_S * 1000:.0f} at most"
-                raise ArgumentError(f"{name} {msec}: {bounds}")
-            return msec
-        case PortType.SECONDS:
-            return number(name, found)
-        case PortType.NUMBER:
-            return number(name, found, port.meaning)
-        case PortType.UTC:
-            return utc(name, found)
-        case PortType.STATUS:
-            return _one_of(name, found, _STATUSES)
-        case PortType.FLAG:
-            return _FLAGS[_one_of(name, found.lower(), tuple(_FLAGS))]
-        case PortType.ANY:
-            return value_of(found)
-        case _:
-            return found
+    if port.type is PortType.NUMBER:
+        return number(name, found, port.meaning)
+    return _CONVERTED[port.type](name, found)
 
 
-def _one_of(name: str, text: str, choices: tuple[str, ...]) -> str:
-    if text not in choices:
-        near = suggest(text, choices)
-        raise ArgumentError(f"{name} {quote(text)}: {' or '.join(choices)} is required{near}")
-    return text
+def _milliseconds(name: str, text: str) -> int:
+    msec = count(name, text)
+    if not 0 < msec <= MAX_DEADLINE_S * 1000:
+        raise ArgumentError(f"{name} {msec}: above 0, {MAX_DEADLINE_S * 1000:.0f} at most")
+    return msec
+
+
+_CONVERTED: Final[dict[PortType, Callable[[str, str], PortValue]]] = {
+    PortType.COUNT: count,
+    PortType.MILLISECONDS: _milliseconds,
+    PortType.SECONDS: number,
+    PortType.UTC: utc,
+    PortType.STATUS: lambda name, text: choice(name, text, _STATUSES),
+    PortType.FLAG: lambda name, text: choice(name, text.lower(), _FLAGS),
+    PortType.ANY: lambda _, text: value_of(text),
+    PortType.TEXT: lambda _, text: text,
+}
+"""Functions of name and text that return the value of a port that is no argument."""
 
 
 def _check_ports(kind: NodeKind, ports: dict[str, PortValue], children: int, limited: bool) -> None:
@@ -152,18 +141,15 @@ def _check_ports(kind: NodeKind, ports: dict[str, PortValue], children: int, lim
         case "Ask":
             _check_question(ports)
         case "FaultActive":
-            _one_of("name", str(ports["name"]), _FAULTS)
+            choice("name", str(ports["name"]), _FAULTS)
         case "Near":
-            if not _positive(ports["within"]):
-                raise ArgumentError(f"within {ports['within']}: above 0 is required")
+            within = ports["within"]
+            if not (isinstance(within, float) and within > 0.0):
+                raise ArgumentError(f"within {within}: above 0 is required")
         case "Window":
             _check_window(ports)
         case _:
             pass
-
-
-def _positive(value: PortValue) -> bool:
-    return isinstance(value, float) and value > 0.0
 
 
 def _threshold(name: str, required: PortValue, children: int) -> int:
@@ -197,7 +183,7 @@ def _check_question(ports: dict[str, PortValue]) -> None:
     if not 2 <= len(options) <= MAX_OPTIONS or len(set(options)) < len(options):
         raise ArgumentError(f"options: 2 to {MAX_OPTIONS} different texts joined by ; are needed")
     if "default" in ports:
-        _one_of("default", str(ports["default"]), options)
+        choice("default", str(ports["default"]), {each: each for each in options})
 
 
 def _check_window(ports: dict[str, PortValue]) -> None:

@@ -25,7 +25,11 @@ CONSTANTS: Final[dict[str, float]] = {
 """Names of numbers: truth values and the modes of the asset."""
 
 
-class ScriptError(ValueError):
+class ArgumentError(ValueError):
+    """A text is no value of its attribute; the message begins with the attribute."""
+
+
+class ScriptError(ArgumentError):
     """A script is not valid; the message has the column, from 1."""
 
     def __init__(self, column: int, text: str) -> None:
@@ -58,10 +62,10 @@ ASSIGNMENTS: Final = frozenset({":=", "=", "+=", "-=", "*=", "/="})
 
 
 _TOKEN: Final = re.compile(
-    r"\s*(?:(?P<text>'[^']*')|(?P<hex>0[xX][0-9a-fA-F]{1,16})(?![\w.])"
+    r"(?P<text>'[^']*')|(?P<hex>0[xX][0-9a-fA-F]{1,16})(?![\w.])"
     r"|(?P<number>(?>[0-9]+(?:\.[0-9]+)?(?:[eE][+-]?[0-9]+)?))(?![A-Za-z_]|\.(?!\.))"
     r"|(?P<name>[A-Za-z_@][A-Za-z0-9_]*)"
-    r"|(?P<sign>:=|==|!=|<=|>=|&&|\|\||\+=|-=|\*=|/=|\.\.|[-+*/&|^~!<>=?:();]))"
+    r"|(?P<sign>:=|==|!=|<=|>=|&&|\|\||\+=|-=|\*=|/=|\.\.|[-+*/&|^~!<>=?:();])|(?P<other>\S)"
 )
 _POWERS: Final = {
     **dict.fromkeys(ASSIGNMENTS, 2),
@@ -82,17 +86,13 @@ class _Token:
 
 def _tokens(text: str) -> list[_Token]:
     found: list[_Token] = []
-    at, end = 0, len(text.rstrip())
-    while at < end:
-        match = _TOKEN.match(text, at)
-        if match is None or match.lastgroup is None:
-            at += len(text[at:]) - len(text[at:].lstrip())
-            raise ScriptError(at + 1, f"{text[at : at + 12]!r} is no part of a script")
-        kind = match.lastgroup
-        found.append(_Token(kind, match[kind], match.start(kind) + 1))
-        at = match.end()
-        if len(found) > MAX_TOKENS:
-            raise ScriptError(found[-1].column, f"a script has {MAX_TOKENS} tokens at most")
+    for match in _TOKEN.finditer(text):
+        column, kind = match.start() + 1, match.lastgroup or ""
+        if kind == "other":
+            raise ScriptError(column, f"{text[column - 1 : column + 11]!r} is no part of a script")
+        if len(found) == MAX_TOKENS:
+            raise ScriptError(column, f"a script has {MAX_TOKENS} tokens at most")
+        found.append(_Token(kind, match[0], column))
     return found
 
 
