@@ -6,7 +6,7 @@ then the ports of the nodes are read.
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from typing import Final
 
@@ -74,21 +74,28 @@ MAX_COMMANDS: Final = 10_000
 
 
 @dataclass(frozen=True, slots=True)
-class _Draft:
-    """A node whose ports are not read yet.
+class _Level:
+    """Names, trees and time limit that a node is below."""
 
-    Attributes:
-        limited: whether a Timeout, or a Window with an end, is above it.
-        texts: texts of its ports.
-        scripts: expressions of its scripts, by attribute.
-    """
+    scope: Scope
+    trees: tuple[str, ...]
+    limited: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class _Draft:
+    """A node before its ports are read; `texts` has these, `scripts` its scripts by attribute."""
 
     node: PlanNode
     element: Element
-    scope: Scope
-    limited: bool
+    level: _Level
     texts: Mapping[str, str]
     scripts: Mapping[str, tuple[Expression, ...]]
+
+    @property
+    def scope(self) -> Scope:
+        """The names that it uses."""
+        return self.level.scope
 
     @property
     def cells(self) -> frozenset[int]:
@@ -107,8 +114,8 @@ class _Draft:
             into = node.conditions if attribute in CONDITIONS else node.ports
             into[attribute] = compile_script(text, found)
         if kind.role is not Role.SUBTREE:
-            read_ports(node, self.texts, self.scope, self.limited)
-        if kind.needs_limit and DEADLINE not in node.ports and not self.limited:
+            read_ports(node, self.texts, self.scope, self.level.limited)
+        if kind.needs_limit and DEADLINE not in node.ports and not self.level.limited:
             text = f"{kind.name} has no deadline: give deadline_s, or put it below a Timeout"
             raise self.element.error(Reason.PLAN_NO_DEADLINE, text)
 
@@ -134,16 +141,11 @@ class _Expansion:
         """Return the root of a plan, which runs a tree."""
         element = self._trees[name]
         location = self._location(path, element)
-        children = self._children(element, location, scope, (name,), limited=False)
+        children = self._children(element, location, _Level(scope, (name,)))
         return PlanNode(location, ROOT_KIND, children, {}, {})
 
     def _children(
-        self,
-        parent: Element,
-        location: NodeLocation,
-        scope: Scope,
-        above: tuple[str, ...],
-        limited: bool,
+        self, parent: Element, location: NodeLocation, level: _Level
     ) -> tuple[PlanNode, ...]:
         taken: set[str] = set()
         again: defaultdict[str, Iterator[int]] = defaultdict(lambda: count(2))
@@ -157,37 +159,31 @@ class _Expansion:
             taken.add(name)
             at = self._location(f"{location.path}/{name}", element)
             with element.located():
-                found.append(self._node(element, kind, at, scope, above, limited))
+                found.append(self._node(element, kind, at, level))
         return tuple(found)
 
     def _node(
-        self,
-        element: Element,
-        kind: NodeKind,
-        location: NodeLocation,
-        scope: Scope,
-        above: tuple[str, ...],
-        limited: bool,
+        self, element: Element, kind: NodeKind, location: NodeLocation, level: _Level
     ) -> PlanNode:
-        texts, scripts = ports_of(element), _scripts(element, kind, scope)
+        texts, scripts = ports_of(element), _scripts(element, kind, level.scope)
         if kind.port("name") is not None and "name" in element.attributes:
             texts["name"] = element.attributes["name"]
-        self._check_size(element, scope.cells, scripts)
-        below, inner, ends = element, scope, False
+        self._check_size(element, level.scope.cells, scripts)
+        below, inner = element, level
         if kind.role is Role.SUBTREE:
             tree = element.attributes["ID"]
-            below, inner = self._trees[tree], self._subtree_scope(element, location, texts, scope)
-            if tree in above:
+            if tree in level.trees:
                 raise element.error(_STRUCTURE, f"tree {tree[:40]!r} contains itself")
-            above = (*above, tree)
+            scope = self._subtree_scope(element, location, texts, level.scope)
+            below, inner = self._trees[tree], _Level(scope, (*level.trees, tree), level.limited)
         else:
             _check_structure(element, kind, texts)
-            _note_outputs(kind, texts, scope)
-            ends = kind.name == "Timeout" or (kind.name == "Window" and "until" in texts)
-        children = self._children(below, location, inner, above, limited or ends)
+            _note_outputs(kind, texts, level.scope)
+            if kind.name == "Timeout" or (kind.name == "Window" and "until" in texts):
+                inner = replace(level, limited=True)
         make = PlanNode if kind.command is None else PlanStep
-        node = make(location, kind, children, {}, {})
-        self.drafts.append(_Draft(node, element, scope, limited, texts, scripts))
+        node = make(location, kind, self._children(below, location, inner), {}, {})
+        self.drafts.append(_Draft(node, element, level, texts, scripts))
         return node
 
     def _subtree_scope(
@@ -211,23 +207,20 @@ class _Expansion:
         self, element: Element, cells: CellTable, scripts: Mapping[str, tuple[Expression, ...]]
     ) -> None:
         self._operations += sum(sum(1 for _ in expressions(each)) for each in scripts.values())
-        for number, high, name in (
-            (len(cells.texts), MAX_CELLS, "variables"),
-            (self._operations, MAX_EXPRESSIONS, "operations in scripts"),
-        ):
-            if number > high:
-                raise element.error(Reason.PLAN_TOO_LARGE, f"a plan has {high} {name} at most")
+        _bound(element, len(cells.texts), MAX_CELLS, "has {} variables")
+        _bound(element, self._operations, MAX_EXPRESSIONS, "has {} operations in scripts")
 
     def _location(self, path: str, element: Element) -> NodeLocation:
-        if self._count == MAX_NODES:
-            text = f"a plan has {MAX_NODES} nodes at most"
-            raise element.error(Reason.PLAN_TOO_LARGE, text)
-        if path.count("/") > MAX_DEPTH:
-            text = f"a plan is {MAX_DEPTH} deep at most"
-            raise element.error(Reason.PLAN_TOO_LARGE, text)
+        _bound(element, self._count + 1, MAX_NODES, "has {} nodes")
+        _bound(element, path.count("/"), MAX_DEPTH, "is {} deep")
         location = NodeLocation(self._count, path, element.line)
         self._count += 1
         return location
+
+
+def _bound(element: Element, number: int, high: int, text: str) -> None:
+    if number > high:
+        raise element.error(Reason.PLAN_TOO_LARGE, f"a plan {text.format(high)} at most")
 
 
 _STRUCTURE: Final = Reason.PLAN_STRUCTURE
@@ -235,7 +228,6 @@ _ARGUMENT: Final = Reason.PLAN_BAD_ARGUMENT
 
 
 def _check_structure(element: Element, kind: NodeKind, texts: Mapping[str, str]) -> None:
-    """Raise PlanError for a wrong number of children, or an unknown attribute."""
     given, low, high = len(element.children), kind.min_children, kind.max_children
     if given < low or (high is not None and given > high):
         number = f"exactly {low}" if low == high else f"{low} to {high}"
@@ -251,7 +243,6 @@ def _check_structure(element: Element, kind: NodeKind, texts: Mapping[str, str])
 
 
 def _scripts(element: Element, kind: NodeKind, scope: Scope) -> dict[str, tuple[Expression, ...]]:
-    """Return the expressions of the scripts of a node, and note the variables that they set."""
     names, cells = [each.name for each in kind.ports if each.type.is_script], scope.cells
     found = {}
     for attribute in (*CONDITIONS, *names):
@@ -302,7 +293,6 @@ _WRITTEN: Final = {PortType.WRITTEN_NUMBER: NUMBER, PortType.WRITTEN_TEXT: TEXT}
 
 
 def _infer_types(drafts: Sequence[_Draft], cells: CellTable) -> None:
-    """Raise PlanError where a variable or an expression mixes types."""
     types = cells.types()
     for draft in drafts:
         with draft.element.located():
@@ -340,7 +330,6 @@ def _infer_draft(draft: _Draft, types: Types) -> None:
 
 
 def _unite(draft: _Draft, port: str, kind: ValueType, types: Types) -> None:
-    """Set the type of the variable of an output port."""
     if port not in draft.texts:
         return
     cell = draft.scope.resolve(variable(draft.texts[port], port) or draft.texts[port])
@@ -455,7 +444,6 @@ def _unused(
     main: str,
     subtrees: Iterable[tuple[Element, Scope, Mapping[str, str]]],
 ) -> Iterator[tuple[int, str]]:
-    """Yield the trees that nothing runs, and the ports that a tree does not read."""
     for name in trees.keys() - {main, *(each.attributes["ID"] for each, *_ in subtrees)}:
         text = f"nothing runs the tree {name}: remove it, or run it by a SubTree"
         yield trees[name].line, text
@@ -470,21 +458,15 @@ def _require_used(
     arguments: Iterable[PlanArgument], trees: Iterable[Element], scope: Scope
 ) -> None:
     """Raise PlanError for an argument that no node reads, probably misspelt."""
-    read_there = {name for tree in trees for name in _names_in(tree)} | scope.used
+    attributes = (
+        each for tree in trees for element in tree.elements() for each in element.attributes.items()
+    )
+    read_there = {variable(text, name) for name, text in attributes} - {None} | scope.used
     for argument in arguments:
-        name = argument.name
-        if name not in read_there:
-            text = f"no node reads the argument {quote(name)}"
-            near = suggest(name, sorted(read_there))
-            raise PlanError(Reason.PLAN_BAD_ARGUMENT, None, text + near)
-
-
-def _names_in(element: Element) -> Iterator[str]:
-    for each in element.elements():
-        for attribute, text in each.attributes.items():
-            name = variable(text, attribute)
-            if name is not None:
-                yield name
+        if argument.name not in read_there:
+            near = suggest(argument.name, sorted(filter(None, read_there)))
+            text = f"no node reads the argument {quote(argument.name)}{near}"
+            raise PlanError(Reason.PLAN_BAD_ARGUMENT, None, text)
 
 
 def _from(request: Request) -> Point:
