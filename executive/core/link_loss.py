@@ -70,6 +70,7 @@ class GroundMonitor:
 
     Attributes:
         in_contact: whether the last `update` found a contact.
+        had_contact: whether any `update` did; until then the silence began before this process.
         stage: the last stage reached since the last contact; None before the first.
         trail: track since the last contact, if the settings use it.
     """
@@ -80,7 +81,7 @@ class GroundMonitor:
         self._last_contact_s = clock.now_s()
         self._contact_flag = False
         self._mode = Mode.IDLE
-        self.in_contact = False
+        self.in_contact = self.had_contact = False
         self.stage: LinkLossStage | None = None
         self.trail = ReturnPath()
 
@@ -103,6 +104,7 @@ class GroundMonitor:
         """
         self.in_contact = self._contact_flag
         if self.in_contact:
+            self.had_contact = True
             self._contact_flag, self._last_contact_s, self.stage = False, self._clock.now_s(), None
             self.trail = ReturnPath()
         if pose is not None and not returning and self._returns:

@@ -37,7 +37,7 @@ class RoverSurroundings:
         self._sampled_s = -1.0
         self._began_s = context.clock.now_s()
         self._own: dict[str, Callable[[], float | None]] = {
-            LINK_UP: lambda: float(ground.silent_s <= LINK_UP_S),
+            LINK_UP: lambda: float(ground.had_contact and ground.silent_s <= LINK_UP_S),
             LINK_SILENT_S: lambda: ground.silent_s,
             MODE: lambda: float(context.mode.value),
             BATTERY_CHARGE: self._charge_ratio,

@@ -159,8 +159,9 @@ class Planner:
             case ResumePlan(step=step):
                 busy = self._rover_busy() or check_status(plan, source_states(PlanEvent.RESUME))
                 return busy or self._check_step(plan, step)
-            case SuspendPlan():
-                return check_status(plan, source_states(PlanEvent.SUSPEND))
+            case SuspendPlan(plan_id):
+                waits = plan_id == self._restarted
+                return None if waits else check_status(plan, source_states(PlanEvent.SUSPEND))
             case RemovePlan():
                 return check_status(plan, _REMOVABLE)
             case AbortPlan():
@@ -174,7 +175,7 @@ class Planner:
     def apply(self, request: PlanRequest, by: Identity) -> str:
         """Execute a request after `check_request` returned None; return the text of its report."""
         if isinstance(request, ActivatePlan | ResumePlan | SuspendPlan | AbortPlan):
-            self._restarted = None
+            self._await_operators()
         if isinstance(request, ActivatePlan | ResumePlan):
             self._active.started_by[request.plan_id] = by.source
         match request:
@@ -205,38 +206,49 @@ class Planner:
 
     def suspend(self, why: Refusal) -> None:
         """Suspend the executing plan, if any, until it is resumed."""
-        plan, self._restarted = self._executing, None
+        self._await_operators()
+        plan = self._executing
         if plan is not None:
             if self._run is not None:
                 self._run.execution.cancel_running(why)
                 self._save(self._run, suspended=True)
                 self._end_run()
+            else:
+                self._store.stop_timers(plan.plan_id)
             self._change(plan, PlanEvent.SUSPEND, why.text, why.reason)
 
     def shut_down(self, why: Refusal) -> None:
         """Suspend the executing plan; one that continues by itself counts as interrupted."""
         run = self._run
-        if run is None or not run.resumes:
-            self.suspend(why)
-        else:
+        if run is not None and run.resumes:
             run.execution.cancel_running(why)
             self._save(run, suspended=True)
             self._end_run()
+        elif self._restarted is None:
+            self.suspend(why)
 
     def recover(self) -> None:
-        """Suspend the plan that a previous process left executing.
+        """Suspend the plan that a previous process left executing, or waiting to continue.
 
         Commands that have ended stay known; the others are given again. Timers have continued.
         """
-        plan = self._executing
-        if plan is None:
-            return
-        self._store.forget_unfinished_steps(plan.plan_id)
-        recover_state(self._store, plan.plan_id, self._clock.utc_s())
-        text = "the executive was restarted"
-        self._change(plan, PlanEvent.SUSPEND, text, Reason.INTERRUPTED)
-        root = None if self._surroundings.is_held else self.root(plan.plan_id)
-        self._restarted = plan.plan_id if root is not None and root.resumes else None
+        waiting = filter(self._store.awaits_restart, self._active.suspended)
+        executing = self._active.executing
+        for plan_id in waiting if executing is None else (executing,):
+            root = None if self._surroundings.is_held else self.root(plan_id)
+            resumes = root is not None and root.resumes
+            self._store.forget_unfinished_steps(plan_id)
+            if recover_state(self._store, plan_id, self._clock.utc_s(), resumes):
+                self._restarted = plan_id
+        if (plan := self._executing) is not None:
+            text = "the executive was restarted"
+            self._change(plan, PlanEvent.SUSPEND, text, Reason.INTERRUPTED)
+
+    def _await_operators(self) -> None:
+        """Let a plan that would continue by itself wait until it is resumed."""
+        if self._restarted is not None:
+            self._store.stop_timers(self._restarted)
+            self._restarted = None
 
     def fail(self, why: Refusal) -> None:
         """Fail the executing plan."""
@@ -283,28 +295,25 @@ class Planner:
 
     def _resume_restarted(self, plan_id: str) -> bool:
         """Resume a plan that continues by itself after a restart, as soon as the pose is known."""
-        position, plan = self._surroundings.position, self._plans.get(plan_id)
-        late = self._clock.now_s() > self._restarted_s + RESTART_S
-        if (
-            plan is None
-            or plan.state is not PlanStatus.SUSPENDED
-            or self._surroundings.is_held
-            or late
-        ):
-            self._restarted = None
+        position, plan = self._surroundings.position, self._plans[plan_id]
+        if self._surroundings.is_held or self._clock.now_s() > self._restarted_s + RESTART_S:
+            self._await_operators()
             return False
         waits = position is None or self._surroundings.awaits_battery
-        if waits or not self._store.is_durable(plan.batch):
+        if position is None or waits or not self._store.is_durable(plan.batch):
             return False
-        found, self._restarted = continued_state(self._store, plan_id, position), None
+        found = continued_state(self._store, plan_id, position, self._clock.utc_s())
         root = None if found is None else self.root(plan_id)
         if found is None or root is None:
+            self._await_operators()
             return False
         stored, state = found
         if (low := self._surroundings.check_energy(root, state.ended)) is not None:
+            self._await_operators()
             text = f"plan {plan_id} does not continue by itself: {low.text}"
             self._notifications.report_event(Severity.WARNING, text, low.reason, low.figures)
             return True
+        self._restarted = None
         self._store.save_state(plan_id, stored)
         text = f"resumed after a restart, {state.restarts} of {MAX_RESTARTS}"
         self._change(plan, PlanEvent.RESUME, text)

@@ -18,52 +18,61 @@ STORED_POSITION_M: Final = 0.5
 """Distance after which the position of the rover is stored again."""
 
 
-def recover_state(store: PlanStore, plan_id: str, utc_s: float) -> None:
-    """Store the state of a plan that was executing: its commands that ended, its timers.
+def recover_state(store: PlanStore, plan_id: str, utc_s: float, resumes: bool) -> bool:
+    """Store the state of a plan of the previous process: its commands that ended, its timers.
+
+    Timers that are not stopped, while the plan is suspended, show that it is to continue by itself,
+    also to the next process.
 
     Args:
         store: the stored plans.
         plan_id: id of the plan.
         utc_s: present time, seconds since 1970-01-01 UTC.
+        resumes: whether the plan may continue by itself.
+
+    Returns:
+        Whether it continues by itself: this counts as one of its restarts.
     """
     stored = store.state(plan_id)
     if stored is None:
-        return
+        return False
     try:
         state = decode(stored.text)
     except StateError:
-        return  # the plan fails when it continues
+        return False  # the plan fails when it continues
     found = (each if each.stage else _ended(store, plan_id, each) for each in state.commands)
     commands = tuple(each for each in found if each is not None)
-    ended = (*state.ended, *(each.node for each in commands))
-    state = state._replace(commands=commands, ended=ended)
+    continues = resumes and state.restarts < MAX_RESTARTS
+    state = state._replace(
+        commands=commands,
+        ended=(*state.ended, *(each.node for each in commands)),
+        restarts=state.restarts + continues,
+    )
     if not stored.suspended:
         state = shifted(state, min(0.0, stored.utc_s - utc_s))
-    store.save_state(plan_id, StoredState(stored.digest, utc_s, True, encode(state)))
+    store.save_state(plan_id, StoredState(stored.digest, utc_s, not continues, encode(state)))
+    return continues
 
 
 def continued_state(
-    store: PlanStore, plan_id: str, position: tuple[float, float] | None
+    store: PlanStore, plan_id: str, position: tuple[float, float], utc_s: float
 ) -> tuple[StoredState, PlanState] | None:
-    """Return the state of a plan that continues by itself, with one restart more; None if not.
+    """Return the state of a plan that continues by itself; None if it must not.
 
     Args:
         store: the stored plans.
         plan_id: id of the plan.
-        position: present position x, y of the rover in m; None if it is not known.
+        position: present position x, y of the rover in m.
+        utc_s: present time, seconds since 1970-01-01 UTC.
     """
     stored = store.state(plan_id)
-    try:
-        state = PlanState() if stored is None else decode(stored.text)
-    except StateError:
+    if stored is None:
         return None
-    if stored is None or position is None or state.position is None:
+    state = decode(stored.text)
+    if state.position is None or dist(position, state.position) > MAX_RESTART_DISTANCE_M:
         return None
-    far = dist(position, state.position) > MAX_RESTART_DISTANCE_M
-    if far or state.restarts >= MAX_RESTARTS:
-        return None
-    state = state._replace(restarts=state.restarts + 1)
-    return replace(stored, text=encode(state)), state
+    state = shifted(state, min(0.0, stored.utc_s - utc_s))
+    return replace(stored, utc_s=utc_s, text=encode(state)), state
 
 
 def _ended(store: PlanStore, plan_id: str, command: StateCommand) -> StateCommand | None:

@@ -145,6 +145,15 @@ class PlanStore:
             return StoredState(digest, utc_s, bool(suspended), text)
         return None
 
+    def awaits_restart(self, plan_id: str) -> bool:
+        """Return whether a suspended plan was to continue by itself: its timers are not stopped."""
+        stored = self.state(plan_id)
+        return stored is not None and not stored.suspended
+
+    def stop_timers(self, plan_id: str) -> None:
+        """Stop the timers of a plan, from the time of its state on."""
+        self._ledger.write("UPDATE plan_states SET suspended = 1 WHERE plan_id = ?", (plan_id,))
+
     def last_report(self, plan_id: str, command_id: int) -> Report | None:
         """Return the last report on the life cycle of a plan's command, if it is stored."""
         return self._ledger.last_report(Identity(source_of(plan_id), command_id))

@@ -1,0 +1,120 @@
+"""Plans that continue by themselves after restarts: when they do, and what a second kill changes."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from executive.commands import ResumePlan, Stop, SuspendPlan
+from executive.commands.catalogue import Resume
+from executive.values.reports import PlanStatus, Stage
+from tests.support.plans import PlanBench, plan, xml
+
+SLEEP = '<Sleep msec="60000"/>'
+BACK = '<moveForward distance="-0.3" deadline_s="60"/>'
+EXECUTING, SUSPENDED = PlanStatus.EXECUTING, PlanStatus.SUSPENDED
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[PlanBench]:
+    with PlanBench(tmp_path) as bench:
+        yield bench
+
+
+def begin(bench: PlanBench, body: str = f"<Sequence>{SLEEP}{BACK}</Sequence>") -> None:
+    """Run a plan that continues by itself for a second."""
+    content = xml(body).replace(b"<root ", b'<root after_restart="resume" ')
+    bench.go(replace(plan(""), content=content))
+    bench.run(1.0)
+
+
+def crash_without_odometry(bench: PlanBench) -> None:
+    bench.odometry = False
+    bench.crash()
+    bench.run(0.5)
+    assert bench.status().status is SUSPENDED
+
+
+@pytest.mark.parametrize("orderly", [False, True])
+def test_a_plan_that_waits_for_its_position_also_does_after_the_next_end(
+    bench: PlanBench, orderly: bool
+) -> None:
+    begin(bench)
+    crash_without_odometry(bench)
+    if orderly:
+        bench.executive.close()
+    else:
+        bench.executive.simulate_crash()
+    bench.restart()
+    assert continues(bench)
+
+
+def continues(bench: PlanBench) -> bool:
+    bench.odometry = True
+    bench.run(0.5)
+    return bench.status().status is EXECUTING
+
+
+@pytest.mark.parametrize("kills", [1, 2, 3, 4])
+def test_each_kill_while_a_plan_waits_for_its_position_counts(bench: PlanBench, kills: int) -> None:
+    begin(bench)
+    for _ in range(kills):
+        crash_without_odometry(bench)
+    assert continues(bench) is (kills <= 3)
+    texts = [each.text for each in bench.received.plans]
+    assert (f"resumed after a restart, {kills} of 3" in texts) is (kills <= 3)
+
+
+def test_timers_continue_while_a_plan_waits_for_its_position(bench: PlanBench) -> None:
+    begin(bench)
+    crash_without_odometry(bench)
+    bench.executive.simulate_crash()
+    bench.clock.advance(50.0)
+    bench.restart()
+    assert continues(bench)
+    bench.run(6.5)
+    assert bench.commanded() == []
+    bench.run(2.5)
+    assert len(bench.commanded()) == 1
+
+
+@pytest.mark.parametrize("cause", ["stop", "suspended", "activated", "waiting", "too late"])
+def test_a_plan_that_another_cause_suspended_waits_over_the_next_kill(
+    bench: PlanBench, cause: str
+) -> None:
+    begin(bench)
+    crash_without_odometry(bench)
+    match cause:
+        case "stop":
+            bench.numbered(Stop())
+            bench.numbered(Resume())
+        case "too late":
+            bench.run(61.0)
+        case "suspended":
+            bench.odometry = True
+            bench.run(0.5)
+            bench.request(SuspendPlan("survey"))
+        case _:
+            bench.request(ResumePlan("survey"))
+            bench.request(SuspendPlan("survey"))
+    bench.step()
+    bench.crash()
+    assert not continues(bench)
+    assert bench.status().status is SUSPENDED
+    bench.request(ResumePlan("survey"))
+    assert bench.until(PlanStatus.COMPLETED) is PlanStatus.COMPLETED
+    assert bench.ends() == [Stage.EXECUTED]
+
+
+def test_the_link_is_not_up_before_the_first_contact_after_a_restart(bench: PlanBench) -> None:
+    wait = '<WaitFor if="@LINK_UP == 1" deadline_s="600"/>'
+    begin(bench, f"<Sequence>{SLEEP}{wait}{BACK}</Sequence>")
+    bench.executive.simulate_crash()
+    bench.clock.advance(100.0)
+    bench.restart()
+    bench.run(5.0)
+    assert bench.commanded() == []
+    bench.executive.ground.record_contact()
+    bench.run(0.5)
+    assert len(bench.commanded()) == 1
