@@ -12,6 +12,7 @@ from typing import Final
 from executive.plans.abstraction import cells_of_script, input_cells, scripts_of
 from executive.plans.arguments import suggest
 from executive.plans.arrival import arrival_faults, instant_answers
+from executive.plans.constant_conditions import constant_conditions
 from executive.plans.dialect import LINK_UP, MODE, TELEMETRY
 from executive.plans.model import (
     LOOPS,
@@ -80,10 +81,13 @@ def find_faults(plan: PlanRoot, begin_utc_s: float | None = None) -> tuple[Findi
         for node, always, text in arrival_faults(plan, begin_utc_s)
     ]
     values = _text_values(plan)
+    telemetry = dict(plan.blackboard.telemetry)
     reads = Counter(each for node in nodes(plan) for each in _cells_read(node))
     for node in nodes(plan):
         for rule in _RULES:
             found += (Finding.of(level, node, text) for level, text in rule(node))
+        for holds, text in constant_conditions(node, telemetry):
+            found.append(Finding.of(Level.WARNING if holds else Level.ERROR, node, text))
         found += (Finding.of(*each) for each in _unread(node, reads))
         found += (Finding.of(*each) for each in _impossible_texts(node, values, plan))
     once = {(each.line, each.text): each for each in reversed(found)}
@@ -147,32 +151,55 @@ def _parallel(node: PlanNode) -> Iterator[tuple[Level, str]]:
         )
 
 
+def _rounds(node: PlanNode) -> Iterator[tuple[Level, str]]:
+    if node.kind.name == "KeepRunningUntilFailure":
+        yield Level.NOTE, "time limits it: the maximum number of commands has one round of it"
+
+
 def _retry(node: PlanNode) -> Iterator[tuple[Level, str]]:
-    if node.kind.name == "RetryUntilSuccessful" and not takes_time(node.children[0]):
+    if node.kind.name != "RetryUntilSuccessful":
+        return
+    if not takes_time(node.children[0]):
         yield Level.WARNING, "all attempts are made at once: use WaitFor, or a Delay below it"
+    steps = [each for each in nodes(node) if _is_step(each)]
+    for relative in (each for each in steps if each.kind.name in _RELATIVE and len(steps) > 1):
+        text = f"each attempt does {relative.location.name} again, relative to the one before"
+        yield Level.WARNING, f"{text}: use {_absolute(relative)}"
 
 
 def _milliseconds(node: PlanNode) -> Iterator[tuple[Level, str]]:
     port = next((each for each in ("msec", "delay_msec") if each in node.ports), None)
     if port is None:
         return
-    minimum = _MIN_TIMEOUT_MSEC if node.kind.name == "Timeout" else _MIN_WAIT_MSEC
-    if node.number(port) < minimum:
-        short = f"{port} is in ms: {node.number(port):g} is {node.number(port) / 1000:g} s"
-        if node.kind.name != "Timeout" or any(map(_is_step, nodes(node))):
-            yield Level.WARNING, f"{short}, write {node.number(port) * 1000:g} if s are meant"
+    msec, steps = node.number(port), [each for each in nodes(node) if isinstance(each, PlanStep)]
+    short = f"{port} is in ms: {msec:g} is {msec / 1000:g} s"
+    if node.kind.name != "Timeout":
+        found = msec < _MIN_WAIT_MSEC
+    else:
+        deadline_s = max((each.deadline_s or 0.0 for each in steps), default=0.0)
+        is_less = msec < _MAX_AMBIGUOUS_MSEC and msec / 1000 < deadline_s < msec
+        found = is_less or (msec < _MIN_TIMEOUT_MSEC and bool(steps))
+        short += f", less than the deadline of a step, {deadline_s:g} s" if is_less else ""
+    if found:
+        yield Level.WARNING, f"{short}, write {msec * 1000:.0f} if s are meant"
 
 
 _MIN_WAIT_MSEC: Final = 100
 """Minimum plausible time of a wait, ms; chosen."""
 _MIN_TIMEOUT_MSEC: Final = 1000
 """Minimum plausible limit around a command, ms; chosen."""
+_MAX_AMBIGUOUS_MSEC: Final = 10_000
+"""Maximum limit that may be in s by mistake if a step below has a longer deadline, ms; chosen."""
 
 
 def _relative(node: PlanNode) -> Iterator[tuple[Level, str]]:
     if node.kind.name in _RELATIVE:
-        absolute = "setCameraAngles" if node.kind.name == "moveCameraAngles" else "moveTo"
-        yield Level.NOTE, f"after a stop the whole of it is done again: {absolute} is not"
+        yield Level.NOTE, f"after a stop the whole of it is done again: {_absolute(node)} is not"
+
+
+def _absolute(node: PlanNode) -> str:
+    """Return the absolute command to use instead of a relative one."""
+    return "setCameraAngles" if node.kind.name == "moveCameraAngles" else "moveTo"
 
 
 def _equal_floats(node: PlanNode) -> Iterator[tuple[Level, str]]:
@@ -189,6 +216,7 @@ _RULES: Final[tuple[Rule, ...]] = (
     _reactive,
     _run_once,
     _parallel,
+    _rounds,
     _retry,
     _milliseconds,
     _relative,

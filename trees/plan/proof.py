@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from executive.plans import Finding, Level, PlanNode, PlanResult, PlanRoot, nodes
+from executive.plans import CellReference, Finding, Level, PlanNode, PlanResult, PlanRoot, nodes
 from trees.plan.exploration import MAX_VALUES, Exploration, ExploredState
 
 MAX_WORK: Final = 1_000_000
@@ -107,9 +107,18 @@ class _Judge:
                 "it can be done again after it succeeded: a SequenceWithMemory, or a variable and "
                 "_skipIf, remember it",
             )
+        files = {
+            target.cell
+            for each in nodes(plan)
+            if each.kind.command is not None
+            and isinstance(target := each.ports.get("file"), CellReference)
+        }
         for (cell, _), node in exploration.unwritten.items():
             name = plan.blackboard.names[cell].rpartition("/")[2]
             text = f"{name} can be read before it is written: set it at the begin by a Script"
+            if cell in files:
+                text = f"{name} is not known after its step failed: note its success in another"
+                text += " variable by _onSuccess"
             self._add(Level.WARNING, node, text)
         paths = {each.location.path: each for each in nodes(plan)}
         for path, text in exploration.errors.items():

@@ -190,6 +190,25 @@ FLAWED = {
         <ForceSuccess><takePicture deadline_s="20" _onSuccess="good = 1; tries = 1"/></ForceSuccess>
         <ScriptCondition code="good / tries &gt; 0.5"/> {HERE}
         {DRIVE}</Sequence>""",
+    "a wait for values that exclude each other": f"""<Fallback>
+        <WaitFor if="24.5 &lt; @BATERY_VOLTAGE &lt; 20" deadline_s="9"/> {HERE}
+        {DRIVE}</Fallback>""",
+    "a charge in percent": f"""<ReactiveSequence>
+        <ScriptCondition code="@BATTERY_CHARGE &gt; 30"/> {HERE}
+        {DRIVE}</ReactiveSequence>""",
+    "a heading in degrees": f"""<Fallback>
+        <Sequence><ScriptCondition code="-90 &lt; @HEAD &lt; 90"/> {HERE}
+        {DRIVE}</Sequence>{HOME}</Fallback>""",
+    "a link that is neither up nor down": f"""<Sequence>
+        <takePicture deadline_s="20" _skipIf="@LINK_UP == 2"/> {HERE}
+        {DRIVE}</Sequence>""",
+    "seconds for the milliseconds of a limit around rounds": f"""<Sequence><ForceSuccess>
+        <Timeout msec="7200"> {HERE}
+        <KeepRunningUntilFailure><Sequence>{DRIVE}{PICTURE}</Sequence></KeepRunningUntilFailure>
+        </Timeout></ForceSuccess>{HOME}</Sequence>""",
+    "attempts that drive further each time": f"""<RetryUntilSuccessful num_attempts="3"> {HERE}
+        <Sequence><moveForward distance="1" deadline_s="30"/>{PICTURE}</Sequence>
+        </RetryUntilSuccessful>""",
 }
 
 
@@ -260,6 +279,17 @@ SOUND = {
     "memory over failures": f"""<RetryUntilSuccessful num_attempts="2"><SequenceWithMemory>
         {DRIVE}{PICTURE}{HOME}</SequenceWithMemory></RetryUntilSuccessful>""",
     "cleaned up": f"""<TryCatch>{DRIVE}{PICTURE}{HOME}</TryCatch>""",
+    "a battery that reports, and a chained comparison": f"""<Fallback><Sequence>
+        <WaitFor if="@BATERY_VOLTAGE &gt; 0" deadline_s="60"/>
+        <ScriptCondition code="24 &lt; @BATERY_VOLTAGE &lt; 29 || @LINK_UP == 1"/>
+        <ScriptCondition code="@HEAD &lt; 1.57 &amp;&amp; !(@BATTERY_CHARGE &lt; 0.3)"/>
+        {DRIVE}</Sequence>{HOME}</Fallback>""",
+    "a short limit around a short step": f"""<Fallback>
+        <Timeout msec="8000"><setCameraAngles pan="0" tilt="0" deadline_s="8"/></Timeout>
+        {DRIVE}</Fallback>""",
+    "a relative step that is tried again alone": f"""<Sequence>
+        <RetryUntilSuccessful num_attempts="2"><rotateBy angle="0.5" deadline_s="30"/>
+        </RetryUntilSuccessful>{PICTURE}</Sequence>""",
     "inverted": f"""<Sequence><Inverter><FaultActive name="battery_low"/></Inverter>
         <Delay delay_msec="5000">{DRIVE}</Delay></Sequence>""",
 }
@@ -277,6 +307,12 @@ def test_a_flawed_plan_has_its_fault_at_its_line(name: str) -> None:
     assert line_of(plan) in {each.line for each in found}, found
 
 
+def test_rounds_are_counted_once_with_a_note() -> None:
+    (note,) = find_faults(read(definition(SOUND["rounds below a Timeout"])))
+    assert (note.level, note.line) == (Level.NOTE, 4)
+    assert note.text == "time limits it: the maximum number of commands has one round of it"
+
+
 def test_trees_and_ports_that_nothing_uses_are_named() -> None:
     go = f'<BehaviorTree ID="Go">{DRIVE}</BehaviorTree>'
     plan = definition(
@@ -287,6 +323,19 @@ def test_trees_and_ports_that_nothing_uses_are_named() -> None:
         3: "the tree Go does not read xx: remove it",
         6: "nothing runs the tree No: remove it, or run it by a SubTree",
     }
+
+
+def test_the_remedy_for_the_file_of_a_failed_picture_is_a_variable_of_its_own() -> None:
+    plan = definition(f"""<Sequence><Script code="file := ''"/>
+        <ForceSuccess><takePicture deadline_s="20" file="{{file}}"/></ForceSuccess>
+        <ForceSuccess><ScriptCondition code="file != ''"/></ForceSuccess> {HERE}
+        {DRIVE}</Sequence>""")
+    (found,) = faults(plan)
+    assert (found.line, found.text) == (
+        line_of(plan),
+        "file is not known after its step failed: note its success in another variable by"
+        " _onSuccess",
+    )
 
 
 def test_an_exploration_that_is_cut_short_is_not_a_proof() -> None:
