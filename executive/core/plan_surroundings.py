@@ -108,9 +108,13 @@ class RoverSurroundings:
         """Return whether a fault is active."""
         return any(each.name == name for each in self._context.safety.active)
 
-    def report_question(self, plan_id: str, question: Question) -> None:
-        """Report a question to the operators, with its key, options and deadline."""
+    def report_question(self, plan_id: str, question: Question, end: str = "") -> None:
+        """Report a question to the operators, with its key, options and deadline; or its end."""
         text = f"plan {plan_id}, question {question.key}: {question.text} "
+        if end:
+            text = f"{text}{end}"[:MAX_QUESTION_LENGTH]
+            self._notifications.report_event(Severity.INFORMATIONAL, text)
+            return
         text += f"({' or '.join(question.options)})"
         if question.until_utc_s is not None:
             left_s = question.until_utc_s - self._context.clock.utc_s()

@@ -19,6 +19,7 @@ from executive.plans.dialect import LINK_UP as LINK_UP
 from executive.plans.dialect import MODE as MODE
 from executive.plans.dialect import POSTCONDITIONS as POSTCONDITIONS
 from executive.plans.dialect import PRECONDITIONS as PRECONDITIONS
+from executive.plans.dialect import QUESTION as QUESTION
 from executive.plans.dialect import TELEMETRY as TELEMETRY
 from executive.plans.dialect import UTC as UTC
 from executive.plans.dialect import NodeKind as NodeKind

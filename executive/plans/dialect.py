@@ -146,7 +146,7 @@ _DEADLINE: Final = Port(
     "timeout in s, then it fails; needed unless below a Timeout or a Window",
     optional=True,
 )
-_QUESTION: Final = "Ask"
+QUESTION: Final = "Ask"
 _TABLE: Final = f"""
 control Sequence: runs its children in order, until one fails
 control Fallback: runs its children in order, until one succeeds
@@ -215,7 +215,7 @@ action WaitUntil: succeeds from a time on
 action WaitFor: succeeds as soon as a condition holds
   if condition: the condition
   {DEADLINE} seconds ?: {_DEADLINE.meaning}
-action {_QUESTION}: requests one of several options from the operators
+action {QUESTION}: requests one of several options from the operators
   question text: text of the question
   options text: options joined by ;
   default text ?: option at the deadline; without one it fails
@@ -307,7 +307,7 @@ DIALECT: Final[Mapping[str, NodeKind]] = MappingProxyType({each.name: each for e
 _REMEDIES: Final = f"""
 stop: a plan cannot stop the rover: an external stop suspends the plan
 resume: a plan cannot resume the rover: mission control does, after a stop
-ManualSelector: an editor is not connected aboard: use {_QUESTION}
+ManualSelector: an editor is not connected aboard: use {QUESTION}
 UnsetBlackboard WasEntryUpdated EntryUpdated SkipUnlessUpdated WaitValueUpdate WaitValueUpdated\
  ConsumeQueue PopFromQueue: queues and update counters are of one process: use WaitFor or LoopString
 LoopInt LoopBool: use LoopDouble or LoopString

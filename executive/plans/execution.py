@@ -224,8 +224,8 @@ class Surroundings(RoverView, Protocol):
     def check_energy(self, plan: PlanRoot, done: Sequence[int]) -> Refusal | None:
         """Return why the battery lacks energy for the other steps and the return, or None."""
 
-    def report_question(self, plan_id: str, question: Question) -> None:
-        """Report a question to the operators."""
+    def report_question(self, plan_id: str, question: Question, end: str = "") -> None:
+        """Report a question to the operators, or how it ended without them."""
 
     def file_of(self, command: Identity) -> str:
         """Return the path of the file that a command stored; empty if there is none."""
@@ -462,6 +462,9 @@ class PlanExecution:
     def withdraw(self, question: Question, answer: str = "") -> None:
         """End a question; see `PlanPort`."""
         self._answers.pop(question.key, None)
+        if question.key in self._open_questions and question.key not in self._new_questions:
+            end = f"no answer, the default is {answer}" if answer else "ends without an answer"
+            self._surroundings.report_question(self.plan.plan_id, question, end)
         self._settle(question, answer)
 
     def _settle(self, question: Question, answer: str) -> None:

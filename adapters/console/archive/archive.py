@@ -42,6 +42,7 @@ from adapters.console.messages import (
     PlanProgress,
     Presence,
     Quality,
+    QuestionStatus,
     Sample,
     StopStatus,
     TreeState,
@@ -237,6 +238,7 @@ class Archive:
                 case (
                     AlarmStatus()
                     | StopStatus()
+                    | QuestionStatus()
                     | Presence()
                     | DictionaryChanged()
                     | ObjectChanged()

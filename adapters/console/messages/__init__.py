@@ -21,6 +21,7 @@ from adapters.console.messages.reports import AlarmStatus as AlarmStatus
 from adapters.console.messages.reports import FileChanged as FileChanged
 from adapters.console.messages.reports import NotificationMessage as NotificationMessage
 from adapters.console.messages.reports import PlanProgress as PlanProgress
+from adapters.console.messages.reports import QuestionStatus as QuestionStatus
 from adapters.console.messages.reports import Transfer as Transfer
 from adapters.console.messages.reports import TransferState as TransferState
 from adapters.console.messages.telemetry import AssetState as AssetState

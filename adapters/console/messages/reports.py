@@ -105,6 +105,31 @@ class PlanProgress:
 
 
 @dataclass(frozen=True, slots=True)
+class QuestionStatus:
+    """A question of a plan to the operators, at its begin and at its end.
+
+    Attributes:
+        question: path of its node.
+        options: the possible answers.
+        default: answer at the deadline; None: the node fails then.
+        until: the deadline by the onboard clock; None without one.
+        end: how it ended; empty if that is not known, as after the end of its plan; None while it
+            is open.
+    """
+
+    ty: ClassVar[str] = "question"
+
+    asset: str
+    plan: str
+    question: str
+    text: str
+    options: tuple[str, ...]
+    default: str | None
+    until: float | None
+    end: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class FileChanged:
     """A file aboard has changed.
 

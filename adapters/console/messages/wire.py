@@ -19,6 +19,7 @@ from adapters.console.messages.reports import (
     FileChanged,
     NotificationMessage,
     PlanProgress,
+    QuestionStatus,
     Transfer,
     TransferState,
 )
@@ -40,6 +41,7 @@ Broadcast = (
     | LinkStatus
     | AssetState
     | PlanProgress
+    | QuestionStatus
     | FileChanged
     | Presence
     | DictionaryChanged

@@ -19,6 +19,7 @@ from adapters.console.messages import (
     NotificationMessage,
     PlanProgress,
     Quality,
+    QuestionStatus,
     Sample,
     Scalar,
     TreeFault,
@@ -53,6 +54,7 @@ from adapters.mrs.spec import (
 from adapters.mrs.transport import TransportSettings
 from adapters.system import System
 from executive.settings import Settings, SettingsError, config_folder, load_settings, names_in
+from executive.values.plan_nodes import PlanNodeReport
 from executive.values.reports import Identity, PlanUpdate, ReportKind
 from trees import TreeSnapshot, commands_by_node, display_statuses
 
@@ -123,6 +125,7 @@ class Fleet:
         self._running: dict[RoverLink, asyncio.Task[None]] = {}
         self.assets: dict[str, ConnectedAsset] = {}
         self._newest: dict[tuple[str, str, LinkKind], ReceivedValue] = {}
+        self._questions: dict[tuple[str, str, str], QuestionStatus] = {}
         self._states: dict[tuple[str, LinkKind], AssetState] = {}
         self._last_received: dict[tuple[str, LinkKind], LastNotification] = {}
 
@@ -268,6 +271,31 @@ class Fleet:
     def on_plan(self, link: RoverLink, update: PlanUpdate) -> None:
         """Publish the progress of a plan."""
         self._publish(plan_progress(link.asset, update))
+
+    def on_plan_nodes(
+        self, link: RoverLink, plan_id: str, nodes: tuple[PlanNodeReport, ...]
+    ) -> None:
+        """Publish the begin and the end of each question of a plan."""
+        known = self.assets.get(link.asset)
+        if known is None or known.best_link() is not link:
+            return
+        ended = {each.path: each.decision for each in nodes}
+        found = {
+            (link.asset, plan_id, each.key): QuestionStatus(
+                *(link.asset, plan_id, each.key, each.text, each.options),
+                *(each.default, each.until_utc_s),
+            )
+            for node in nodes
+            if (each := node.question) is not None
+        }
+        for key, question in tuple(self._questions.items()):
+            if key[:2] == (link.asset, plan_id) and key not in found:
+                del self._questions[key]
+                self._publish(replace(question, end=ended.get(question.question, "")))
+        for key, question in found.items():
+            if self._questions.get(key) != question:
+                self._questions[key] = question
+                self._publish(question)
 
     def on_file(self, link: RoverLink, notification: FileNotification) -> None:
         """Publish a change of a file."""

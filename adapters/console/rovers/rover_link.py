@@ -23,7 +23,9 @@ from adapters.mrs.spec import (
 )
 from adapters.mrs.transport import TransportSettings
 from adapters.system import System
-from executive.values.reports import Identity, PlanUpdate
+from executive.plans import FINAL_STATUSES, QUESTION
+from executive.values.plan_nodes import PlanNodeReport
+from executive.values.reports import Identity, PlanStatus, PlanUpdate
 from trees import TreeSnapshot
 
 _LOG: Final = logging.getLogger(__name__)
@@ -94,6 +96,11 @@ class LinkListener(Protocol):
     def on_plan(self, link: "RoverLink", update: PlanUpdate) -> None:
         """Receive the progress of a plan."""
 
+    def on_plan_nodes(
+        self, link: "RoverLink", plan_id: str, nodes: tuple[PlanNodeReport, ...]
+    ) -> None:
+        """Receive the nodes of a plan with questions; none after its end."""
+
     def on_file(self, link: "RoverLink", notification: FileNotification) -> None:
         """Receive the change of a file."""
 
@@ -148,6 +155,7 @@ class RoverLink:
         self.last_received_s: float | None = None
         self.client: MrsClient | None = None
         self.figures: dict[str, float] = {}
+        self._plans: dict[str, PlanStatus] = {}
         self._wanted: asyncio.LifoQueue[Identity] = asyncio.LifoQueue()
 
     @property
@@ -208,9 +216,8 @@ class RoverLink:
             tasks.create_task(
                 self._subscribe_and_receive(client.tree_snapshots, self._listener.on_tree, self)
             )
-            tasks.create_task(
-                self._subscribe_and_receive(client.plan_updates, self._listener.on_plan, self)
-            )
+            tasks.create_task(self._subscribe_and_receive(client.plan_updates, self._on_plan))
+            tasks.create_task(self._poll_questions(client))
             tasks.create_task(
                 self._subscribe_and_receive(client.file_events, self._listener.on_file, self)
             )
@@ -311,6 +318,35 @@ class RoverLink:
                 raise
             else:
                 self._listener.on_arguments(self, identity, args)
+
+    def _on_plan(self, update: PlanUpdate) -> None:
+        self._listener.on_plan(self, update)
+        self._plans[update.plan_id] = update.status
+
+    async def _poll_questions(self, client: MrsClient) -> None:
+        """Poll the nodes of plans with questions, which are not published."""
+        self._plans = {each.plan_id: each.status for each in await self._known_plans(client)}
+        without: set[str] = set()
+        while True:
+            for plan_id, status in tuple(self._plans.items()):
+                nodes: tuple[PlanNodeReport, ...] = ()
+                if status is PlanStatus.SUBMITTED or status in FINAL_STATUSES:
+                    without.discard(plan_id)
+                elif plan_id not in without:
+                    try:
+                        nodes = await client.get_plan_nodes(plan_id)
+                    except MalError as error:
+                        _LOG.debug("%s: no nodes of %s: %s", self.asset, plan_id, error)
+                        continue
+                    if not any(each.kind == QUESTION for each in nodes):
+                        without.add(plan_id)
+                self._listener.on_plan_nodes(self, plan_id, nodes)
+            await asyncio.sleep(STATUS_S)
+
+    async def _known_plans(self, client: MrsClient) -> tuple[PlanUpdate, ...]:
+        with suppress(MalError):  # some providers do not serve plans
+            return await client.get_plan_status()
+        return ()
 
     async def _poll_directory(self, client: MrsClient) -> None:
         while True:

@@ -29,6 +29,7 @@ from adapters.console.messages import (
     PlanProgress,
     Presence,
     Quality,
+    QuestionStatus,
     Sample,
     SamplesDropped,
     StopState,
@@ -271,6 +272,10 @@ class Hub:
                     del self._standing[message.ty, asset]
             case PlanProgress(asset=asset, plan=plan):
                 self._standing[message.ty, asset, plan] = message
+            case QuestionStatus(asset=asset, plan=plan, question=key, end=end):
+                self._standing[message.ty, asset, plan, key] = message
+                if end is not None:
+                    del self._standing[message.ty, asset, plan, key]
             case DictionaryChanged(asset=asset):
                 self._standing[message.ty, asset] = message
             case _:

@@ -2,7 +2,7 @@
 
 import { Topics } from "./observable.js";
 
-/** @import { AssetEntry, AssetState, AuthorityMessage, CommandStatus, LinkStatus, NotificationMessage, PlanProgress, Sample, StopStatus, Transfer, TreeState } from "./messages.js" */
+/** @import { AssetEntry, AssetState, AuthorityMessage, CommandStatus, LinkStatus, NotificationMessage, PlanProgress, QuestionStatus, Sample, StopStatus, Transfer, TreeState } from "./messages.js" */
 /** @typedef {Sample & {interval?: number}} Latest `interval`: seconds since the previous sample */
 /** @typedef {{utc: number, x: number, y: number, heading: number}} Fix */
 /** @typedef {{x: number, y: number}} Point */
@@ -58,6 +58,8 @@ export class Asset extends Topics {
   tree = null;
   /** @type {Map<string, PlanProgress>} progress of each plan */
   plans = new Map();
+  /** @type {Map<string, QuestionStatus>} open questions of its plans, by plan and question */
+  questions = new Map();
   /** @type {Map<string, Transfer>} transfers of its files, by id */
   transfers = new Map();
 
@@ -304,6 +306,11 @@ export class Asset extends Topics {
     }
     if (this.notices.length > MAX_NOTICES) this.notices.splice(0, this.notices.length - MAX_NOTICES);
     this.changed("notices");
+  }
+
+  /** Lead of the onboard clock over that of the console, s; 0 if unknown. */
+  get clockLead_s() {
+    return Number(this.newest("LINK_CLOCK_OFFSET")?.value ?? 0);
   }
 
   /** Whether it is a rover without a link that is up. */

@@ -22,6 +22,7 @@
 /** Status of a link to an asset. */ export type LinkStatus = { ty: "link"; asset: string; link: LinkKind; uri: string; state: LinkState; since: number; last_received: number | null; detail: string };
 /** Mode and work of an asset. */ export type AssetState = { ty: "asset"; asset: string; link: LinkKind; utc: number; mode: string; active: string | null; queued: number; plan: string | null };
 /** Progress of a plan. */ export type PlanProgress = { ty: "plan"; asset: string; plan: string; status: string; utc: number; node: string | null; done: number | null; total: number | null; text: string };
+/** A question of a plan to the operators, at its begin and at its end. */ export type QuestionStatus = { ty: "question"; asset: string; plan: string; question: string; text: string; options: string[]; default: string | null; until: number | null; end: string | null };
 /** A file aboard has changed. */ export type FileChanged = { ty: "file"; asset: string; rx: number; event: string; path: string; size: number; modified: number; mime: string | null };
 /** An open page. */ export type OpenPage = { console: string; operator: string; since: number };
 /** The open pages of all consoles with the same archive. */ export type Presence = { ty: "presence"; consoles: OpenPage[] };
@@ -50,4 +51,4 @@
 /** Prediction of a plan and of its steps. */ export type PlanPreview = { total: Preview | null; steps: PreviewStep[]; refusal: string | null };
 /** A draft with its check and its preview. */ export type PlanDraft = { plan: string; xml: string; steps: DraftStep[] | null; not_steps: string | null; outline: OutlineNode[]; problem: DraftProblem | null; preview: PlanPreview | null; not_previewed: string | null };
 /** A plan of the configuration. */ export type PlanTemplate = { name: string; about: string; xml: string };
-export type Message = (Hello | Sample | TreeState | Transfer | SamplesDropped | CommandStatus | StopStatus | AuthorityMessage | NotificationMessage | AlarmStatus | LinkStatus | AssetState | PlanProgress | FileChanged | Presence | DictionaryChanged | ObjectChanged) & { seq?: number };
+export type Message = (Hello | Sample | TreeState | Transfer | SamplesDropped | CommandStatus | StopStatus | AuthorityMessage | NotificationMessage | AlarmStatus | LinkStatus | AssetState | PlanProgress | QuestionStatus | FileChanged | Presence | DictionaryChanged | ObjectChanged) & { seq?: number };

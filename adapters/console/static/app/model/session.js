@@ -9,7 +9,7 @@ import { serverClock } from "./server_clock.js";
 /** @typedef {{assets: Record<string, AssetEntry>, console: AssetEntry}} Dictionary */
 
 /** Topics of a page that shows neither log nor tree. */
-export const LIGHT_TOPICS = ["tm", "cmd", "auth", "link", "asset", "presence", "dictionary", "alarm", "stop", "plan"];
+export const LIGHT_TOPICS = ["tm", "cmd", "auth", "link", "asset", "presence", "dictionary", "alarm", "stop", "plan", "question"];
 const TOPICS = [...LIGHT_TOPICS, "ntf", "tree", "file", "transfer", "obj"];
 const HISTORY_S = 3600;
 const MAX_SAMPLES = 20000;
@@ -17,7 +17,7 @@ const MAX_RECORDING_ITEMS = 1000;
 const MAX_NOTICES = 500;
 const POSE = ["POS_X", "POS_Y", "HEAD"];
 
-/** @extends {Topics<"second" | "assets" | "presence" | "object" | "alarms">} */
+/** @extends {Topics<"second" | "assets" | "presence" | "object" | "alarms" | "question">} */
 export class Session extends Topics {
   #resume = { instance: "", seq: 0 };
   #tried = new Map();
@@ -117,6 +117,7 @@ export class Session extends Topics {
         if (!message.resumed) this.alarms.clear();
         for (const asset of this.assets.values()) {
           if (!message.resumed) asset.stop = null;
+          if (!message.resumed) asset.questions.clear();
           asset.transfers.clear(); // the present ones follow
           asset.changed("transfers");
         }
@@ -143,6 +144,9 @@ export class Session extends Topics {
         return this.#set(message, "tree");
       case "plan":
         return this.#put(message, "plans", message.plan);
+      case "question":
+        this.#put(message, "questions", `${message.plan} ${message.question}`, message.end !== null);
+        return this.changed("question", message);
       case "link":
         if (message.asset === "") {
           this.#tried.set(message.uri, message);

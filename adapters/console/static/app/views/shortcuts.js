@@ -6,7 +6,7 @@
 import { button, html, tableHead } from "../dom.js";
 
 /** Elements that a shortcut focuses, by the code of the key with Alt. */
-const TARGETS = { KeyC: ".form-view select", KeyL: '.command .head[tabindex="0"]', KeyK: ".teleop .arm" };
+const TARGETS = { KeyC: ".form-view select", KeyL: '.command .head[tabindex="0"]', KeyK: ".teleop .arm", KeyQ: ".question button" };
 const SHORTCUTS = [
   ["F8, Pause, Ctrl+Space", "STOP, with the cursor anywhere"],
   ["Alt+C", "go to the command form"],
@@ -15,6 +15,7 @@ const SHORTCUTS = [
   ["Alt+L", "go to the list of commands"],
   ["↑ ↓ Home End in the list", "go to another command"],
   ["Enter in the list", "open the command: its stages, and why it ended so"],
+  ["Alt+Q", "go to the answers of an open question of a plan"],
   ["Alt+K", "go to “drive by keys” beside the camera"],
   ["W A S D or arrows, while that is on", "drive; the rover stops as you release the key"],
   ["?", "open and close this list"],

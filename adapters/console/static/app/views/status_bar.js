@@ -9,6 +9,7 @@ import { button, html, reconcile, setText, set } from "../dom.js";
 import { themeButton } from "../theme.js";
 import { beep } from "../sound.js";
 import { setTitle } from "../title.js";
+import { Questions } from "./questions.js";
 import { Shortcuts, isStopKey } from "./shortcuts.js";
 import { Stops } from "./stops.js";
 import { View } from "./view.js";
@@ -37,6 +38,7 @@ export class StatusBar extends View {
   #links = html("span", { className: "links" });
   #authority = new Authority((text, level) => this.#showMessage(text, level));
   #stops = new Stops(this.draw, (text, level) => this.#showMessage(text, level));
+  #questions = new Questions(this.draw, (text, level) => this.#showMessage(text, level));
   #pages = html("span", { className: "pages dim" });
   #name = button("", "operator name; click to change it", () => this.#editName(true), { className: "operator" });
   #newName = html("input", { type: "text", "aria-label": "operator name", hidden: true, onkeydown: (event) => this.#onNameKey(event), onblur: () => this.#editName(false) });
@@ -58,6 +60,7 @@ export class StatusBar extends View {
     html("div", { className: "row" }, this.#picker, this.#mode, this.#resume, this.#doing, this.#links, this.#authority.element, this.#identity, this.#alarm, this.#stop),
     this.#list,
     this.#stops.element,
+    this.#questions.element,
     this.#authority.notice,
     this.#shortcuts.element,
     this.#message,
@@ -82,6 +85,7 @@ export class StatusBar extends View {
       session.on("assets", () => this.#watch()),
       session.on("presence", draw),
       session.on("alarms", draw),
+      session.on("question", (question) => (this.#questions.onChange(session.asset(question.asset), question), draw())),
       session.onSecond(draw),
       session.connection.on(draw),
       () => ending.abort(),
@@ -97,7 +101,7 @@ export class StatusBar extends View {
     for (const rover of this.session.rovers) {
       if (this.#watched.has(rover)) continue;
       const onStop = () => (this.#stops.onChange(rover.stop), this.draw());
-      const onCommand = (command) => (this.#onCommand(command), this.draw());
+      const onCommand = (command) => (this.#onCommand(command), this.#questions.onCommand(command), this.draw());
       this.#watched.set(rover, [rover.on("stop", onStop), rover.on("commands", onCommand), ...TOPICS.map((topic) => rover.on(topic, this.draw))]);
     }
     this.draw();
@@ -201,6 +205,7 @@ export class StatusBar extends View {
     reconcile(this.#links, [...(rover?.links.values() ?? [])], ({ link }) => link, () => html("span", { className: "link" }), (element, link) => this.#drawLink(element, link));
     this.#authority.render(rover, session.now);
     this.#stops.render(session);
+    this.#questions.render(session);
     this.#drawAlarms();
     setText(this.#name, operator.name);
     const others = session.presence.length - 1;
