@@ -9,6 +9,7 @@ import binascii
 import hashlib
 import re
 import types
+import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import Field, dataclass, fields, is_dataclass
 from functools import cache
@@ -23,6 +24,10 @@ END: Final = "#"
 COMMA: Final = ","
 MAX_MESSAGE_OCTETS: Final = 4096
 """Maximum length of a message in octets, including the `#`."""
+MAX_PLAIN_OCTETS: Final = 2048
+"""Octets of one value that are written without compression."""
+MAX_INFLATED_OCTETS: Final = 1 << 18
+"""Octets of one value that are read from compressed ones: those of the longest plan."""
 MAX_CODE: Final = 0xFFF
 MAX_ID: Final = (1 << 63) - 1
 MAX_COUNTER: Final = (1 << 32) - 1
@@ -278,6 +283,9 @@ _PLAIN: Final = re.compile(f"[0-9A-Za-z{re.escape(_UNQUOTED)}]*")
 _FLOAT: Final = re.compile(r"-?[0-9]+(\.[0-9]+)?(e[+-]?[0-9]+)?")
 _INTEGER: Final = re.compile(r"-?[0-9]+")
 _MAX_NUMBER_LENGTH: Final = 40
+_DEFLATED: Final = "~"
+"""Before the base64 of octets that are compressed (raw DEFLATE, RFC 1951)."""
+_RAW: Final = -15
 _TYPE_NAMES: Final = {float: "number", int: "whole number", bool: "True or False"}
 
 
@@ -318,7 +326,7 @@ def values_of(item: Any) -> Iterator[str]:
             case str(text):
                 yield encoded(text)
             case bytes(octets):
-                yield base64.b64encode(octets).decode("ascii")
+                yield _written(octets)
             case tuple(items):
                 for one in items:
                     yield from values_of(one)
@@ -427,8 +435,26 @@ def _unquoted(name: str, text: str) -> str:
     return found
 
 
+def _written(octets: bytes) -> str:
+    """Return octets as base64; many octets, such as those of a long plan, are compressed first."""
+    if len(octets) <= MAX_PLAIN_OCTETS:
+        return base64.b64encode(octets).decode("ascii")
+    return _DEFLATED + base64.b64encode(zlib.compress(octets, 9, wbits=_RAW)).decode("ascii")
+
+
 def _octets(name: str, text: str) -> bytes:
     try:
-        return base64.b64decode(text, validate=True)
+        octets = base64.b64decode(text.removeprefix(_DEFLATED), validate=True)
     except binascii.Error as fault:
         raise MopsError(f"{name}: {text[:40]!r} is no base64") from fault
+    if not text.startswith(_DEFLATED):
+        return octets
+    inflating = zlib.decompressobj(wbits=_RAW)
+    try:
+        found = inflating.decompress(octets, MAX_INFLATED_OCTETS)
+    except zlib.error as fault:
+        raise MopsError(f"{name}: compressed octets are damaged: {fault}") from fault
+    if not inflating.eof or inflating.unused_data or len(found) <= MAX_PLAIN_OCTETS:
+        bounds = f"{MAX_PLAIN_OCTETS + 1} to {MAX_INFLATED_OCTETS}"
+        raise MopsError(f"{name}: compressed octets are not one stream of {bounds} octets")
+    return found

@@ -1,13 +1,24 @@
 """tests.mops.test_codec"""
 
 import string
+from base64 import b64encode
+from zlib import compress
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from adapters.mops import Message, MopsError, MopsStream, decode, encode
-from adapters.mops.codec import MAX_COUNTER, MAX_ID, MAX_MESSAGE_OCTETS
+from adapters.mops.codec import (
+    MAX_COUNTER,
+    MAX_ID,
+    MAX_INFLATED_OCTETS,
+    MAX_MESSAGE_OCTETS,
+    MAX_PLAIN_OCTETS,
+    from_values,
+    values_of,
+)
+from executive.commands import PlanDefinition
 
 RETAINED = "".join(sorted(set(string.printable[:95]) - set("|,#")))
 NAMES = st.text(RETAINED.replace(" ", ""), min_size=1, max_size=20)
@@ -168,3 +179,35 @@ def test_an_unterminated_message_is_not_retained() -> None:
     assert collected.feed(b"x#" + TEXT) == [MOVE]
     (line,) = collected.lines
     assert line.startswith(f"{100 * (MAX_MESSAGE_OCTETS - 1) + 2} octets")
+
+
+LONG_PLAN = b"".join(
+    b'<moveTo name="%d" x="%d" y="0" deadline_s="60"/>' % (n, n) for n in range(99)
+)
+
+
+def test_a_long_plan_fits_a_message() -> None:
+    assert len(LONG_PLAN) > MAX_MESSAGE_OCTETS
+    definition = PlanDefinition("day", "day", "BTCPP4", LONG_PLAN)
+    (plan_id, name, kind, octets) = values_of(definition)
+    assert len(octets) < MAX_PLAIN_OCTETS
+    assert from_values(PlanDefinition, (plan_id, name, kind, octets)) == definition
+
+
+def deflated(octets: bytes) -> str:
+    return "~" + b64encode(compress(octets, 9, wbits=-15)).decode()
+
+
+@pytest.mark.parametrize(
+    ("value", "why"),
+    [
+        ("~" + b64encode(b"no deflate").decode(), "damaged"),
+        (deflated(LONG_PLAN)[:-8], "not one stream"),
+        (deflated(b"0" * (MAX_INFLATED_OCTETS + 1)), "not one stream"),
+        (deflated(b"short"), "not one stream"),
+        ("~~", "no base64"),
+    ],
+)
+def test_compressed_octets_are_refused(value: str, why: str) -> None:
+    with pytest.raises(MopsError, match=f"content: .*{why}"):
+        from_values(PlanDefinition, ("day", "day", "BTCPP4", value))
