@@ -421,10 +421,11 @@ class Context:
         return Mode.PAUSED if moving is Mode.IDLE and self.plans.suspended else moving
 
     def mode_for(self, command: Command) -> Mode:
-        """Return the mode that applies to a command: PLAN does not reject the plan's own."""
+        """Return the mode that applies to a command: PLAN, also in a pause, except to its own."""
         mode = self.mode
-        own = mode is Mode.PLAN and command.link == PLAN_LINK
-        return self.goals.motion_mode if own else mode
+        if self.plans.executing is None or mode not in {Mode.PLAN, Mode.PAUSED}:
+            return mode
+        return self.goals.motion_mode if command.link == PLAN_LINK else Mode.PLAN
 
     @property
     def holding_stop(self) -> Identity | None:

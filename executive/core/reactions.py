@@ -236,9 +236,11 @@ class Reactions:
             self._ledger.latch(LatchedFault(fault.name, row.reaction, why, fault.begun_utc_s))
         self._obey_faults()
         if row.reaction in HOLDING_REACTIONS:
-            self._planner.suspend(why)
+            pauses = row.reaction is Reaction.PAUSE
+            if not pauses or row.clears is ClearPolicy.ON_RESUME:
+                self._planner.suspend(why)  # else it waits, as any motion to a target does
             motion = self._context.goals.motion
-            if row.reaction is not Reaction.PAUSE:
+            if not pauses:
                 motion.fail_all(why)
             elif motion.active and not is_absolute(motion.active.command.request):
                 motion.fail_active(why)  # a motion relative to its start cannot continue

@@ -5,14 +5,24 @@ from pathlib import Path
 
 import pytest
 
-from executive.commands import Mode, MoveForward, MoveTo, Resume, Stop, Waypoint
+from executive.commands import (
+    ActivatePlan,
+    Mode,
+    MoveForward,
+    MoveTo,
+    Resume,
+    Stop,
+    SubmitPlan,
+    Waypoint,
+)
 from executive.commands.lifecycle import Accepted
 from executive.faults import ClearPolicy, Reaction
 from executive.settings import load_settings
 from executive.values.geometry import STANDING
 from executive.values.reasons import Reason
-from executive.values.reports import Report, ReportKind, Severity, Stage
+from executive.values.reports import PlanStatus, Report, ReportKind, Severity, Stage
 from tests.support.kinematic import Bench, with_figures
+from tests.support.plans import plan
 
 LOW_V, FULL_V = 20.0, 26.0
 Make = Callable[..., "WeakBench"]
@@ -136,6 +146,49 @@ def test_a_pause_ends_what_is_relative_to_where_it_began(make: Make) -> None:
     assert bench.stages(2) == [Stage.RECEIVED, Stage.ACCEPTED]
     bench.battery(FULL_V)
     assert bench.finish(2) is Stage.EXECUTED
+
+
+def begin_plan(bench: WeakBench, body: str) -> None:
+    """Submit and activate a plan, as commands 1 and 2."""
+    bench.execute(SubmitPlan(plan(body)), 1)
+    bench.execute(ActivatePlan("survey"), 2)
+    bench.run(2.0)
+
+
+def plan_status(bench: WeakBench) -> PlanStatus:
+    (update,) = bench.executive.plans()
+    return update.status
+
+
+@pytest.mark.parametrize("clears", ClearPolicy)
+def test_a_plan_waits_in_a_pause_that_ends_by_itself(make: Make, clears: ClearPolicy) -> None:
+    bench = make(Reaction.PAUSE, clears)
+    begin_plan(bench, '<moveTo x="5" y="0" deadline_s="60"/>')
+    bench.battery(LOW_V, 10.0)
+    assert bench.rover.velocity == STANDING
+    assert bench.is_in(Mode.PAUSED)
+    if clears is ClearPolicy.ON_RESUME:
+        assert plan_status(bench) is PlanStatus.SUSPENDED
+        return
+    assert plan_status(bench) is PlanStatus.EXECUTING
+    assert bench.refusal(*go(3)).reason is Reason.WRONG_MODE  # only the plan moves the rover
+    bench.battery(FULL_V, 20.0)
+    assert plan_status(bench) is PlanStatus.COMPLETED
+    assert bench.rover.pose.x_m == pytest.approx(5.0, abs=0.05)
+
+
+def test_a_long_pause_fails_the_step_of_a_plan_at_its_deadline(make: Make) -> None:
+    bench = make(Reaction.PAUSE, ClearPolicy.AUTO)
+    drive = '<moveTo x="{x}" y="0" deadline_s="{s}"/>'
+    first, second = (
+        drive.replace("{x}", x).replace("{s}", s) for x, s in (("5", "6"), ("1", "60"))
+    )
+    begin_plan(bench, f"<Fallback>{first}{second}</Fallback>")
+    bench.battery(LOW_V, 10.0)
+    assert plan_status(bench) is PlanStatus.EXECUTING
+    bench.battery(FULL_V, 20.0)
+    assert plan_status(bench) is PlanStatus.COMPLETED
+    assert bench.rover.pose.x_m == pytest.approx(1.0, abs=0.05)
 
 
 def test_slowing_down_leaves_a_part_of_the_speed(make: Make) -> None:
