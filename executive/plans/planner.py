@@ -23,11 +23,7 @@ from executive.commands import (
     SuspendPlan,
 )
 from executive.commands.intake import source_of
-from executive.commands.lifecycle import (
-    Accepted,
-    Rejected,
-    SubmitResult,
-)
+from executive.commands.lifecycle import Accepted, Rejected, SubmitResult
 from executive.plans.active_run import ActiveRun
 from executive.plans.builder import check_plan
 from executive.plans.execution import (
@@ -167,8 +163,8 @@ class Planner:
             case AbortPlan():
                 return None
             case SkipNode() | RetryNode() | HoldAtNode() | AnswerQuestion():
-                found = self._steerable(plan)
-                return found if isinstance(found, Refusal) else check_steering(request, *found)
+                found = self._steerable(plan, request)
+                return found if isinstance(found, Refusal) else None
             case _:
                 assert_never(request)
 
@@ -415,10 +411,16 @@ class Planner:
         self._store.save_state(plan.plan_id, replace(stored, text=encode(state)))
         return text
 
-    def _steerable(self, plan: RunningPlan) -> tuple[PlanRoot, PlanState] | Refusal:
-        """Return the root node and the state of a plan that can be steered."""
+    def _steerable(
+        self, plan: RunningPlan, request: PlanSteering
+    ) -> tuple[PlanRoot, PlanNode, PlanState] | Refusal:
+        """Return the root of a plan, the node that a request steers, and the present state."""
         refusal = check_status(plan, set(PlanStatus) - FINAL_STATUSES)
-        return refusal or self._with_state(plan)
+        found = refusal or self._with_state(plan)
+        if isinstance(found, Refusal):
+            return found
+        node = check_steering(request, *found)
+        return node if isinstance(node, Refusal) else (found[0], node, found[1])
 
     def _with_state(self, plan: RunningPlan) -> tuple[PlanRoot, PlanState] | Refusal:
         """Return the root node and the present state of a plan."""
@@ -436,9 +438,10 @@ class Planner:
 
     def _steer(self, plan: RunningPlan, request: PlanSteering, by: Identity) -> str:
         """Change the state of a plan; a node that runs obeys at its next tick."""
-        found = self._steerable(plan)
+        found = self._steerable(plan, request)
         assert not isinstance(found, Refusal), found
-        state, node, text = steered(request, *found)
+        root, node, state = found
+        state, text = steered(request, node, state)
         text = f"{node.location.path}: {text}, by {by}"
         if self._run is not None and self._run.execution.plan is plan:
             self._run.execution.steer(state)
@@ -446,7 +449,7 @@ class Planner:
                 self._run.tree.force(*each)
             self._save(self._run)
         else:
-            stored, _ = self._stored(plan.plan_id, found[0])
+            stored, _ = self._stored(plan.plan_id, root)
             self._store.save_state(plan.plan_id, replace(stored, text=encode(state)))
         self._notify(plan, text)
         return text

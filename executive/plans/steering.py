@@ -16,8 +16,8 @@ MAX_NAMED: Final = 10
 """Maximum number of nodes that a report names."""
 
 
-def check_steering(request: PlanSteering, root: PlanRoot, state: PlanState) -> Refusal | None:
-    """Return why a plan cannot be steered so in its state, or None."""
+def check_steering(request: PlanSteering, root: PlanRoot, state: PlanState) -> PlanNode | Refusal:
+    """Return the node that a request names, or why it cannot be steered so in its state."""
     if isinstance(request, AnswerQuestion):
         node = _find(root, request.question, Reason.NO_SUCH_QUESTION, "Ask")
         return node if isinstance(node, Refusal) else _check_answer(node, request.option, state)
@@ -36,33 +36,29 @@ def check_steering(request: PlanSteering, root: PlanRoot, state: PlanState) -> R
         case HoldAtNode(), "R":
             return _status(node, "runs already: suspend the plan")
         case _:
-            return None
+            return node
 
 
-def steered(
-    request: PlanSteering, root: PlanRoot, state: PlanState
-) -> tuple[PlanState, PlanNode, str]:
-    """Return the state after a request that was checked, the node, and the text of the report."""
+def steered(request: PlanSteering, node: PlanNode, state: PlanState) -> tuple[PlanState, str]:
+    """Return the state after a request on a node that was checked, and the text of the report."""
+    key = node.location.path
     match request:
-        case SkipNode(_, name, result):
+        case SkipNode(_, _, result):
             steering, text = Steering[result], f"skipped with {result}"
-        case RetryNode(_, name):
+        case RetryNode():
             steering, text = Steering.RETRY, "begins again"
-        case HoldAtNode(_, name):
+        case HoldAtNode():
             steering, text = Steering.HOLD, "the plan is suspended before it begins"
-        case AnswerQuestion(_, question, option):
-            node = _found(root, question, "Ask")
-            key = node.location.path
+        case AnswerQuestion(_, _, option):
             if key not in state.questions and key in dict(state.settled):
-                return state, node, f"was answered before: {option}"
+                return state, f"was answered before: {option}"
             answers = {**dict(state.answers), key: option}
-            return state._replace(answers=tuple(answers.items())), node, f"answered: {option}"
-    node = _found(root, name)
+            return state._replace(answers=tuple(answers.items())), f"answered: {option}"
     forced = {**dict(state.forced), node.location.number: steering.name}
-    return state._replace(forced=tuple(forced.items())), node, text
+    return state._replace(forced=tuple(forced.items())), text
 
 
-def _check_answer(node: PlanNode, option: str, state: PlanState) -> Refusal | None:
+def _check_answer(node: PlanNode, option: str, state: PlanState) -> PlanNode | Refusal:
     """Return why a question takes no such answer; the same answer again is accepted."""
     key, options = node.location.path, parts_of(node.text("options"))
     if option not in options:
@@ -72,7 +68,7 @@ def _check_answer(node: PlanNode, option: str, state: PlanState) -> Refusal | No
     if given is None and key not in state.questions:
         given = dict(state.settled).get(key)
     if given is None or given == option:
-        return None
+        return node
     how = f"was answered: {given}" if given else "ended without an answer"
     return Refusal(Reason.QUESTION_ANSWERED, f"{key} {how}")
 
@@ -81,22 +77,13 @@ def _status(node: PlanNode, text: str) -> Refusal:
     return Refusal(Reason.PLAN_STATUS, f"{node.location.path} {text}")
 
 
-def _matches(root: PlanRoot, name: str, kind: str | None) -> list[PlanNode]:
-    found = (each for each in nodes(root) if kind in {None, each.kind.name})
-    return [each for each in found if f"/{each.location.path}".endswith(f"/{name}")]
-
-
-def _found(root: PlanRoot, name: str, kind: str | None = None) -> PlanNode:
-    (node,) = _matches(root, name, kind)
-    return node
-
-
 def _find(root: PlanRoot, name: str, reason: Reason, kind: str | None = None) -> PlanNode | Refusal:
     """Return the node with a path, or an unambiguous end of one."""
-    found = _matches(root, name, kind)
+    candidates = [each for each in nodes(root) if kind in {None, each.kind.name}]
+    found = [each for each in candidates if f"/{each.location.path}".endswith(f"/{name}")]
     if len(found) == 1:
         return found[0]
-    known = [each.location.path for each in found or nodes(root) if kind in {None, each.kind.name}]
+    known = [each.location.path for each in found or candidates]
     shown = ", ".join(path.partition("/")[2] or path for path in known[:MAX_NAMED])
     what = "nodes" if kind is None else "questions"
     text = f"{len(found) or 'no'} {what} of {root.location.path} are named {name[:64]!r}"

@@ -1,7 +1,8 @@
 """`prove`: explores all outcomes of a plan within a bound, and judges the graph of its states."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 from typing import Final
 
 from executive.plans import CellReference, Finding, Level, PlanNode, PlanResult, PlanRoot, nodes
@@ -194,48 +195,36 @@ class _Judge:
 
     def _common(self, numbers: Iterable[int]) -> PlanNode:
         """Return the deepest node above all of several nodes."""
-        paths = [self._ancestors(number) for number in numbers]
-        common = set(paths[0]).intersection(*paths)
-        return self._nodes[max(common)]
-
-    def _ancestors(self, number: int) -> list[int]:
-        found: list[int] = []
-        above: Mapping[int, PlanNode] = self._above
-        while number in above:
-            number = above[number].location.number
-            found.append(number)
-        return found
+        above = [self._nodes[each].location.path.split("/")[:-1] for each in numbers]
+        columns = takewhile(lambda names: len({*names}) == 1, zip(*above, strict=False))
+        path = "/".join(names[0] for names in columns)
+        return next(each for each in self._nodes.values() if each.location.path == path)
 
 
 def _components(after: Sequence[Sequence[int]]) -> list[list[int]]:
-    """Return the strongly connected components of a graph; Tarjan's algorithm."""
-    order: dict[int, int] = {}
-    low: dict[int, int] = {}
-    stack: list[int] = []
-    stacked: set[int] = set()
-    found: list[list[int]] = []
-    for begin in range(len(after)):
-        work = [] if begin in order else [(begin, 0)]
+    """Return the strongly connected components of a graph; Kosaraju's algorithm."""
+    before: list[list[int]] = [[] for _ in after]
+    for at, following in enumerate(after):
+        for each in following:
+            before[each].append(at)
+    last_first = [each for found in _searches(range(len(after)), after) for each in found]
+    return list(_searches(reversed(last_first), before))
+
+
+def _searches(begins: Iterable[int], after: Sequence[Sequence[int]]) -> Iterator[list[int]]:
+    """Yield the nodes of each depth-first search, in the order of their ends."""
+    seen: set[int] = set()
+    for begin in begins:
+        found: list[int] = []
+        work = [] if begin in seen else [(begin, iter(after[begin]))]
+        seen.add(begin)
         while work:
-            node, index = work.pop()
-            if index == 0:
-                order[node] = low[node] = len(order)
-                stack.append(node)
-                stacked.add(node)
+            following = work[-1][1]
+            child = next((each for each in following if each not in seen), None)
+            if child is None:
+                found.append(work.pop()[0])
             else:
-                low[node] = min(low[node], low[after[node][index - 1]])
-            while index < len(after[node]):
-                child = after[node][index]
-                index += 1
-                if child not in order:
-                    work += [(node, index), (child, 0)]
-                    break
-                if child in stacked:
-                    low[node] = min(low[node], order[child])
-            else:
-                if low[node] == order[node]:
-                    at = stack.index(node)
-                    found.append(stack[at:])
-                    stacked -= set(found[-1])
-                    del stack[at:]
-    return found
+                seen.add(child)
+                work.append((child, iter(after[child])))
+        if found:
+            yield found
