@@ -138,7 +138,6 @@ class _Walk:
 
     @staticmethod
     def _decorated(node: PlanNode, found: _Ends, at: _Span) -> _Ends:
-        """Return the ends of a decorator, or of another node, from those below it."""
         end = _hull(found.success, found.failure)
         match node.kind.name:
             case "Inverter":

@@ -268,7 +268,6 @@ def _scripts(element: Element, kind: NodeKind, scope: Scope) -> dict[str, tuple[
 
 
 def _note_outputs(kind: NodeKind, texts: Mapping[str, str], scope: Scope) -> None:
-    """Note the variables that the output ports of a node set, and that `SetBlackboard` copies."""
     cells = scope.cells
     copied = variable(texts.get("value", ""), "value")
     if copied is not None and kind.name == "SetBlackboard":
@@ -341,7 +340,6 @@ def _unite(draft: _Draft, port: str, kind: ValueType, types: Types) -> None:
 
 
 def _check_reads(draft: _Draft) -> None:
-    """Raise PlanError where a script reads a variable that nothing sets."""
     for attribute, statements in draft.scripts.items():
         for each in expressions(statements):
             if each.cell < 0 or draft.scope.cells.has_value(each.cell):
@@ -457,7 +455,6 @@ def _unused(
 def _require_used(
     arguments: Iterable[PlanArgument], trees: Iterable[Element], scope: Scope
 ) -> None:
-    """Raise PlanError for an argument that no node reads, probably misspelt."""
     attributes = (
         each for tree in trees for element in tree.elements() for each in element.attributes.items()
     )

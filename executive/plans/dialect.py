@@ -247,7 +247,6 @@ def _switches() -> Iterator[NodeKind]:
 
 
 def _nodes(table: str) -> Iterator[NodeKind]:
-    """Yield the nodes of a table."""
     for entry in re.split(r"\n(?! )", table.strip()):
         head, *lines = entry.split("\n")
         signature, _, meaning = head.partition(": ")

@@ -245,7 +245,6 @@ def _cells_read(node: PlanNode) -> Iterator[int]:
 
 
 def _unread(node: PlanNode, reads: Counter[int]) -> Iterator[tuple[Level, PlanNode, str]]:
-    """Yield the variables that a node sets and no node reads."""
     for port in node.kind.ports:
         value = node.ports.get(port.name)
         if port.type.is_output and isinstance(value, CellReference) and not reads[value.cell]:

@@ -316,7 +316,6 @@ class Planner:
         return True
 
     def _save(self, run: ActiveRun, suspended: bool = False) -> None:
-        """Store the state of the executing plan in the next commit, if it changed."""
         stored = run.changed_state(self._clock, suspended)
         if stored is not None:
             self._active.waits = run.waits
@@ -348,7 +347,6 @@ class Planner:
         return Refusal(Reason.PLAN_ACTIVE, text)
 
     def _add(self, definition: PlanDefinition, text: str) -> None:
-        """Store the plan that `_check_new` has just checked."""
         utc_s, status = self._clock.utc_s(), PlanStatus.SUBMITTED
         update = PlanUpdate(definition.plan_id, status, utc_s, "", 0, self._total, text)
         self._plans[definition.plan_id] = RunningPlan(update)
@@ -356,7 +354,6 @@ class Planner:
         self._notifications.report_plan_update(update)
 
     def _check_step(self, plan: RunningPlan, step: str | None) -> Refusal | None:
-        """Return a refusal if a plan cannot be resumed at a step; store which nodes it skips."""
         self._skipped = ()
         root = None if step is None else self.root(plan.plan_id)
         if step is None or root is None:  # a plan that no longer fits fails when it continues
@@ -391,7 +388,6 @@ class Planner:
         return stored, decode(stored.text)
 
     def _resume(self, plan: RunningPlan, text: str) -> str:
-        """Resume a plan without the nodes that `_check_step` has just found."""
         names = ", ".join(node.location.name for node in self._skipped[:MAX_NAMED])
         more = len(self._skipped) - MAX_NAMED
         text += f", skipping {names}{f' and {more} more' if more > 0 else ''}" if names else ""
@@ -423,7 +419,6 @@ class Planner:
         return node if isinstance(node, Refusal) else (found[0], node, found[1])
 
     def _with_state(self, plan: RunningPlan) -> tuple[PlanRoot, PlanState] | Refusal:
-        """Return the root node and the present state of a plan."""
         if self._run is not None and self._run.execution.plan is plan:
             return self._run.execution.root, self._run.state()
         if not self._store.is_durable(plan.batch):
@@ -437,7 +432,6 @@ class Planner:
             return Refusal(Reason.PLAN_STATUS, f"{plan.plan_id}: {error}")
 
     def _steer(self, plan: RunningPlan, request: PlanSteering, by: Identity) -> str:
-        """Change the state of a plan; a node that runs obeys at its next tick."""
         found = self._steerable(plan, request)
         assert not isinstance(found, Refusal), found
         root, node, state = found
@@ -533,7 +527,6 @@ class Planner:
         return text
 
     def _notify(self, plan: RunningPlan, text: str) -> None:
-        """Store and publish the progress of a plan."""
         utc_s, total = self._clock.utc_s(), plan.last.total
         plan.last = PlanUpdate(plan.plan_id, plan.state, utc_s, plan.node, plan.done, total, text)
         self._store.update(plan.last)
@@ -557,7 +550,6 @@ class Planner:
         return self._change(plan, event, text, reason, figures)
 
     def _stop_run(self, why: Refusal, halts: bool = False) -> None:
-        """End the active commands of the executing plan, for a reason, and halt its nodes."""
         if self._run is not None:
             self._run.execution.cancel_running(why)
             if halts:

@@ -61,7 +61,6 @@ def read_ports(node: PlanNode, texts: Mapping[str, str], scope: Scope, limited: 
 
 
 def _literal(name: str, text: str, scope: Scope) -> str | CellReference:
-    """Return the text of a port, or the cell that it is read from."""
     wanted = variable(text, name)
     if wanted is None:
         return text
@@ -116,7 +115,6 @@ _CONVERTED: Final[dict[PortType, Callable[[str, str], PortValue]]] = {
 
 
 def _check_ports(kind: NodeKind, ports: dict[str, PortValue], children: int, limited: bool) -> None:
-    """Check the rules of a kind of node, and count thresholds in children."""
     match kind.name:
         case "Parallel":
             for name in ("success_count", "failure_count"):

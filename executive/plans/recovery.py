@@ -76,7 +76,6 @@ def continued_state(
 
 
 def _ended(store: PlanStore, plan_id: str, command: StateCommand) -> StateCommand | None:
-    """Return a command with its terminal stage; None if it has not reached one."""
     report = store.last_report(plan_id, command.command_id)
     if report is None or report.stage is None or not report.stage.terminal:
         return None

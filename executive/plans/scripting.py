@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum, unique
+from itertools import pairwise
 from math import isfinite
 from typing import Final
 
@@ -136,55 +137,48 @@ def infer(expression: Expression, types: Types) -> ValueType | None:
         ScriptError: types are mixed.
     """
     found = [infer(each, types) for each in expression.operands]
-    sign, column, known = expression.sign, expression.column, {*found} - {None}
+    sign, column = expression.sign, expression.column
     if sign == LITERAL:
         return type_of(expression.value)
     if sign == NAME:
         return types[expression.cell]
     if sign == COMPARE:
-        for each, left, right in zip(expression.text.split(), found, found[1:], strict=False):
-            if left is not right and left is not None and right is not None:
-                raise ScriptError(column, f"{each!r} compares {left.value} with {right.value}")
+        for each, pair in zip(expression.text.split(), pairwise(found), strict=True):
+            _common(pair, column, f"{each!r} compares {{}} with {{}}")
         return NUMBER
     if sign == "?":
-        one, other = found[1:]
-        if one is not other and one is not None and other is not None:
-            raise ScriptError(column, f"'?' chooses between {one.value} and {other.value}")
-        return one or other
+        return _common(found[1:], column, "'?' chooses between {} and {}")
     if sign == "..":
         if found == [NUMBER, NUMBER]:
             raise ScriptError(column, "'..' joins texts: one side at least is a text")
         return TEXT
+    result: ValueType | None = NUMBER
     if sign in {"+", ":=", "=", "+="}:
-        if len(known) > 1:
-            raise ScriptError(column, f"{sign!r} adds a number to a text: join them by '..'")
-        result = next(iter(known), None)
-    else:
-        result = NUMBER
-        for operand, kind in zip(expression.operands, found, strict=True):
-            if kind is TEXT:
-                needs = "a number" if len(found) == 1 else "numbers"
-                raise ScriptError(operand.column, f"{sign!r} needs {needs}, not a text")
+        result = _common(found, column, f"{sign!r} adds a number to a text: join them by '..'")
+    elif TEXT in found:
+        needs = "a number" if len(found) == 1 else "numbers"
+        text = expression.operands[found.index(TEXT)]
+        raise ScriptError(text.column, f"{sign!r} needs {needs}, not a text")
     return _assigned(expression, result, types) if sign in ASSIGNMENTS else result
 
 
+def _common(found: Sequence[ValueType | None], column: int, text: str) -> ValueType | None:
+    known = [each for each in found if each is not None]
+    if len({*known}) > 1:
+        raise ScriptError(column, text.format(*(each.value for each in known)))
+    return known[0] if known else None
+
+
 def _assigned(assignment: Expression, found: ValueType | None, types: Types) -> ValueType | None:
+    text = f"{assignment.text} is {{}}, and gets {{}}: use another name"
     before = types[assignment.cell]
-    if found is None:
-        return before
-    if before not in {None, found}:
-        assert before is not None
-        text = f"{assignment.text} is {before.value}, and gets {found.value}: use another name"
-        raise ScriptError(assignment.column, text)
-    types[assignment.cell] = found
-    return found
+    types[assignment.cell] = _common((before, found), assignment.column, text)
+    return types[assignment.cell]
 
 
 def compile_script(text: str, statements: tuple[Expression, ...]) -> Script:
     """Return a script that can be run."""
     runs = tuple(map(_compiled, statements))
-    if len(runs) == 1:
-        return Script(text, statements, runs[0])
 
     def run(cells: Cells) -> Value:
         value: Value = 0.0
@@ -192,7 +186,7 @@ def compile_script(text: str, statements: tuple[Expression, ...]) -> Script:
             value = each(cells)
         return value
 
-    return Script(text, statements, run)
+    return Script(text, statements, runs[0] if len(runs) == 1 else run)
 
 
 def _compiled(expression: Expression) -> Evaluation:

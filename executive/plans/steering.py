@@ -78,7 +78,6 @@ def _status(node: PlanNode, text: str) -> Refusal:
 
 
 def _find(root: PlanRoot, name: str, reason: Reason, kind: str | None = None) -> PlanNode | Refusal:
-    """Return the node with a path, or an unambiguous end of one."""
     candidates = [each for each in nodes(root) if kind in {None, each.kind.name}]
     found = [each for each in candidates if f"/{each.location.path}".endswith(f"/{name}")]
     if len(found) == 1:

@@ -166,7 +166,6 @@ class _Parser:
 
     @property
     def _power(self) -> int:
-        """Binding power of the next token; -1 if it is no infix operator."""
         token = self._peek
         return _POWERS.get(token.text, -1) if token.kind == "sign" else -1
 

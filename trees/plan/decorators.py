@@ -273,7 +273,6 @@ class QueueLoop(PlanDecorator):
         return FAILURE if answer is FAILURE else RUNNING
 
     def _take_part(self) -> bool:
-        """Write the next part to its ports; return whether there is one."""
         if self.status is IDLE:
             self.busy, self.left = False, parts_of(self.read_text("queue"))
             if len(self.left) > MAX_READ_PARTS and not isinstance(self.plan.ports["queue"], str):

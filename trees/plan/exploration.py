@@ -308,8 +308,6 @@ class _Explored(PlanBehaviour):
 
 
 class _Position(PlanLeaf):
-    """`Near` or `Reachable`."""
-
     def run(self) -> Answer:
         key = self.plan.kind.name, self.read("x"), self.read("y"), self.plan.ports.get("within")
         return (SUCCESS, FAILURE)[_exploration(self).choose(2, key)]

@@ -315,7 +315,6 @@ class PlanBehaviour(Behaviour):
         return answer
 
     def _obey(self) -> Answer | None:
-        """Obey the operators; return the result that they request, if any."""
         steering = self.forced
         assert steering is not None
         self.reset()
@@ -327,7 +326,6 @@ class PlanBehaviour(Behaviour):
         return SUCCESS if steering is Steering.SUCCESS else FAILURE
 
     def _precondition(self) -> Answer | None:
-        """Return the answer that a condition before the node gives, or None."""
         conditions = self._conditions
         if self.status is IDLE:
             for name, met in _BEFORE:

@@ -184,12 +184,10 @@ class PlanTree:
             raise LeafError(self.root.plan.location.path) from error
 
     def _measure(self) -> None:
-        """Write the telemetry into its cells."""
         for cell, name in self._telemetry:
             self.cells[cell] = self.port.telemetry(name)
 
     def _built(self, plan: PlanNode) -> PlanBehaviour:
-        """Return a node with all below it."""
         children = [self._built(each) for each in plan.children]
         make = (
             leaves.CommandLeaf if plan.kind.command is not None else self._classes[plan.kind.name]
