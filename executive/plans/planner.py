@@ -252,7 +252,7 @@ class Planner:
         if plan is not None:
             became = () if self._run is None else self._run.result_figures
             self._stop_run(why)
-            self._end(plan, PlanEvent.FAIL, why.text, why.reason, became)
+            self._change(plan, PlanEvent.FAIL, why.text, why.reason, became)
 
     def tick(self, submit: Callable[[Command], SubmitResult]) -> bool:
         """Tick the tree of the executing plan once, and submit the commands that it requests.
@@ -282,11 +282,11 @@ class Planner:
             return self._command(run, submit)
         self._end_run()
         if result is PlanResult.SUCCESS:
-            self._end(plan, PlanEvent.COMPLETE, "completed", figures=run.result_figures)
+            self._change(plan, PlanEvent.COMPLETE, "completed", figures=run.result_figures)
         else:
             skipped = "skipped: its conditions did not let it run"
             text = skipped if result is PlanResult.SKIPPED else run.execution.why or "failed"
-            self._end(plan, PlanEvent.FAIL, text, Reason.PLAN_FAILED, run.result_figures)
+            self._change(plan, PlanEvent.FAIL, text, Reason.PLAN_FAILED, run.result_figures)
         return True
 
     def _resume_restarted(self, plan_id: str) -> bool:
@@ -453,12 +453,12 @@ class Planner:
             return f"it has already ended: {plan.state.name}"
         if plan.state.running:
             self._stop_run(Refusal(Reason.PLAN_ABORTED, text), halts=True)
-        return self._end(plan, PlanEvent.ABORT, text)
+        return self._change(plan, PlanEvent.ABORT, text)
 
     def _begin(self, plan: RunningPlan) -> ActiveRun | None:
         root = check_plan(self._store.definition(plan.plan_id), self._settings)
         if isinstance(root, Refusal):
-            self._end(plan, PlanEvent.FAIL, root.text, root.reason)
+            self._change(plan, PlanEvent.FAIL, root.text, root.reason)
             return None
         try:
             stored, state = self._stored(plan.plan_id, root)
@@ -474,7 +474,7 @@ class Planner:
                 tree.load(loaded)
         except StateError as error:
             self._host.detach()
-            self._end(plan, PlanEvent.FAIL, f"{plan.plan_id}: {error}", Reason.PLAN_STATUS)
+            self._change(plan, PlanEvent.FAIL, f"{plan.plan_id}: {error}", Reason.PLAN_STATUS)
             return None
         for each in execution.forced.items():
             tree.force(*each)
@@ -512,12 +512,14 @@ class Planner:
         reason: Reason | None = None,
         figures: tuple[Figure, ...] = (),
     ) -> str:
-        """Apply an event to a plan; return the text.
+        """Apply an event to a plan and drop its state at its end; return the text.
 
         Raises:
             transitions.MachineError: the plan's status does not permit it.
         """
         MACHINE.events[event.value].trigger(plan)
+        if plan.state in FINAL_STATUSES:
+            self._store.end(plan.plan_id, plan.final_state)
         self._notify(plan, text)
         if plan.state is not PlanStatus.ACTIVATED:
             severity = _SEVERITY.get(plan.state, Severity.INFORMATIONAL)
@@ -537,17 +539,6 @@ class Planner:
         states = [(plan_id, plan.state) for plan_id, plan in self._plans.items()]
         self._active.executing = next((i for i, state in states if state.running), None)
         self._active.suspended = tuple(i for i, state in states if state is PlanStatus.SUSPENDED)
-
-    def _end(
-        self,
-        plan: RunningPlan,
-        event: PlanEvent,
-        text: str,
-        reason: Reason | None = None,
-        figures: tuple[Figure, ...] = (),
-    ) -> str:
-        self._store.end(plan.plan_id, plan.final_state)
-        return self._change(plan, event, text, reason, figures)
 
     def _stop_run(self, why: Refusal, halts: bool = False) -> None:
         if self._run is not None:

@@ -62,7 +62,7 @@ _STATUS_OF: Final = {letter: status for status, letter in _LETTERS.items()}
 
 
 class PlanTree:
-    """The tree of one plan.
+    """The tree of one plan, and the data that its nodes share; see `PlanRun`.
 
     Args:
         plan: its root.
@@ -72,12 +72,6 @@ class PlanTree:
     Attributes:
         root: the root node.
         nodes: all nodes by number.
-        cells: the blackboard.
-        cell_names: names of its cells.
-        yielded: whether a node requests another tick at once.
-        executed: number of nodes executed in this tick.
-        measured: cells with telemetry.
-        records: see `PlanPort`.
     """
 
     def __init__(
