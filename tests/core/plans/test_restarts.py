@@ -1,4 +1,4 @@
-"""Plans that continue by themselves after restarts: when they do, and what a second kill changes."""
+"""Plans that continue by themselves after restarts: when they do, and what a kill changes."""
 
 from collections.abc import Iterator
 from dataclasses import replace
