@@ -1,6 +1,7 @@
 """The nodes of a plan with several children: sequences, fallbacks, parallels, branches."""
 
 from collections.abc import Sequence
+from typing import ClassVar
 
 from executive.plans import CellReference, PlanNode, UnknownValueError, Value, case_matches, text_of
 from trees.plan.node import (
@@ -35,22 +36,23 @@ class OrderedBranch(ControlNode):
         skipped: number of children skipped.
     """
 
-    memory = ("current", "skipped")
+    memory: ClassVar[tuple[str, ...]] = ("current", "skipped")
     current = skipped = 0
 
     def __init__(self, plan: PlanNode, run: PlanRun, nodes: Sequence[PlanBehaviour]) -> None:
         super().__init__(plan, run, nodes)
         self._remembers = plan.kind.name == "SequenceWithMemory"
         self._yields = self._remembers or plan.kind.name.startswith("Async")
+        self.body = self.nodes
 
     def run(self) -> Answer:
         """Tick the children from the present one on."""
         if self.status is IDLE:
             self.skipped = 0
         self.status = RUNNING
-        count = len(self.nodes)
+        count = len(self.body)
         while self.current < count:
-            child = self.nodes[self.current]
+            child = self.body[self.current]
             begins = child.status is IDLE
             answer = child.execute()
             if answer is RUNNING:
@@ -160,17 +162,9 @@ class ParallelBranch(PlanBehaviour):
 
 
 class ConditionalBranch(PlanBehaviour):
-    """A node with a condition as its first child."""
+    """Runs the second or third child, as the first one succeeds or fails.
 
-    def take(self, at: int, answer: Answer) -> None:
-        """Note that it runs a branch, because of the answer of the condition."""
-        if at != self._choice:
-            cause = self.cause_of(self.nodes[0], answer)
-            self.decide(at, f"took {self.nodes[at].name}: {cause}")
-
-
-class IfThenElse(ConditionalBranch):
-    """`IfThenElse`: tests its first child once, then runs a branch to its end.
+    `IfThenElse` tests the first child once, `WhileDoElse` in each tick.
 
     Attributes:
         current: the branch that runs; 0 before the condition has ended.
@@ -180,48 +174,27 @@ class IfThenElse(ConditionalBranch):
     current = 0
 
     def run(self) -> Answer:
-        """Tick the condition until it has ended, then the branch."""
+        """Tick the condition if it is to be tested, then the branch that it selects."""
         self.status = RUNNING
-        if self.current == 0:
+        if self.current == 0 or self.plan.kind.name == "WhileDoElse":
             answer = self.nodes[0].execute()
             if answer is RUNNING:
                 return RUNNING
-            if answer is SUCCESS:
-                self.current = 1
-            elif answer is FAILURE and len(self.nodes) == 3:
-                self.current = 2
-            else:
+            selected = 0 if answer is SKIPPED else 1 if answer is SUCCESS else 2
+            if not 0 < selected < len(self.nodes):
                 self.reset_children()
+                self.current = 0
                 return answer
-            self.take(self.current, answer)
+            if self.current not in {0, selected}:
+                self.nodes[self.current].reset()
+            self.current = selected
+            if selected != self._choice:
+                text = f"took {self.nodes[selected].name}: {self.cause_of(self.nodes[0], answer)}"
+                self.decide(selected, text)
         answer = self.nodes[self.current].execute()
         if answer is not RUNNING:
             self.reset_children()
             self.current = 0
-        return answer
-
-
-class WhileDoElse(ConditionalBranch):
-    """`WhileDoElse`: tests its first child in each tick, and runs the branch that it selects."""
-
-    def run(self) -> Answer:
-        """Tick the condition, reset the other branch, tick the selected one."""
-        self.status = RUNNING
-        answer = self.nodes[0].execute()
-        if answer is RUNNING:
-            return RUNNING
-        has_else = len(self.nodes) == 3
-        if answer is SUCCESS:
-            if has_else:
-                self.nodes[2].reset()
-            self.take(1, answer)
-            answer = self.nodes[1].execute()
-        elif answer is FAILURE and has_else:
-            self.nodes[1].reset()
-            self.take(2, answer)
-            answer = self.nodes[2].execute()
-        if answer is not RUNNING:
-            self.reset_children()
         return answer
 
 
@@ -286,50 +259,38 @@ class Switch(PlanBehaviour):
             return False
 
 
-class TryCatch(PlanBehaviour):
+class TryCatch(OrderedBranch):
     """`TryCatch`: a sequence; its last child cleans up after a failure of the others.
 
     Attributes:
-        current: index of the child that it continues with.
-        skipped: number of children skipped.
         catching: whether the last child runs.
     """
 
-    memory = ("current", "skipped", "catching")
-    current = skipped = 0
+    memory = (*OrderedBranch.memory, "catching")
     catching = False
     _why = ""
+
+    def __init__(self, plan: PlanNode, run: PlanRun, nodes: Sequence[PlanBehaviour]) -> None:
+        super().__init__(plan, run, nodes)
+        self.body = self.nodes[:-1]
 
     def run(self) -> Answer:
         """Tick the children, or the one that cleans up."""
         if self.status is IDLE:
-            self.skipped, self.catching = 0, False
-        self.status = RUNNING
-        count = len(self.nodes) - 1
-        while not self.catching and self.current < count:
-            answer = self.nodes[self.current].execute()
-            if answer is RUNNING:
-                return RUNNING
-            if answer is FAILURE:
-                cause = self.cause_of(self.nodes[self.current], answer)
-                self.reset_children()
-                self.decide("catch", f"took the cleanup {self.nodes[-1].name}: {cause}")
-                self.current, self.catching = 0, True
-                self._why = self.context.port.why
-                break
-            self.current += 1
-            self.skipped += answer is SKIPPED
-        if self.catching:
-            if self.nodes[-1].execute() is RUNNING:
-                return RUNNING
-            self.reset_children()
-            self.current, self.catching = 0, False
-            self.context.port.why = self._why or self.context.port.why
-            return FAILURE
-        answer = SKIPPED if self.skipped == count else SUCCESS
+            self.catching = False
+        if not self.catching:
+            answer = super().run()
+            if answer is not FAILURE:
+                return answer
+            text = f"took the cleanup {self.nodes[-1].name}: {self.cause_of(self, answer)}"
+            self.decide("catch", text)
+            self.catching, self._why = True, self.context.port.why
+        if self.nodes[-1].execute() is RUNNING:
+            return RUNNING
         self.reset_children()
-        self.current = self.skipped = 0
-        return answer
+        self.catching = False
+        self.context.port.why = self._why or self.context.port.why
+        return FAILURE
 
     def on_halt(self) -> None:
         """Let the last child run for one tick, if the plan wants it."""
