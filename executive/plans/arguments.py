@@ -108,11 +108,11 @@ def choice(name: str, text: str, choices: Mapping[str, T]) -> T:
     return choices[text.strip()]
 
 
-def place(name: str, text: str) -> list[float]:
+def position(name: str, text: str) -> list[float]:
     """Return a position `x,y` or `x,y,heading`, in m and rad.
 
     Raises:
-        ArgumentError: it is none.
+        ArgumentError: it is no position.
     """
     figures = enumerate(text.split(","))
     found = [number(name, part, "rad" if at == 2 else "m") for at, part in figures]
@@ -122,7 +122,7 @@ def place(name: str, text: str) -> list[float]:
 
 
 def waypoints(name: str, text: str) -> tuple[Waypoint, ...]:
-    """Return places joined by `;`.
+    """Return positions joined by `;`.
 
     Raises:
         ArgumentError: a waypoint is not valid, or there are too many.
@@ -130,7 +130,7 @@ def waypoints(name: str, text: str) -> tuple[Waypoint, ...]:
     parts = text.strip().strip(";").split(";")
     if len(parts) > MAX_WAYPOINTS:
         raise ArgumentError(f"{name}: {len(parts)} waypoints, {MAX_WAYPOINTS} at most")
-    return tuple(Waypoint(*place(name, each)) for each in parts)
+    return tuple(Waypoint(*position(name, each)) for each in parts)
 
 
 def argument_value(argument: Argument, value: Value) -> ArgumentValue:

@@ -7,7 +7,7 @@ from dataclasses import astuple, dataclass, replace
 from typing import Final
 
 from executive.commands import CommandDeclaration, PlanDefinition, Request
-from executive.plans.arguments import ArgumentValue, argument_value, number, place
+from executive.plans.arguments import ArgumentValue, argument_value, number, position
 from executive.plans.dialect import DEADLINE, NodeKind
 from executive.plans.scripting import Cells, Script, UnknownValueError
 from executive.plans.syntax import Value
@@ -201,7 +201,7 @@ def part_values(loop: str, part: str) -> dict[str, Value]:
         case "LoopDouble":
             return {"value": number("queue", part)}
         case _:
-            return dict(zip(("x", "y", "heading"), place("queue", part), strict=False))
+            return dict(zip(("x", "y", "heading"), position("queue", part), strict=False))
 
 
 def resume_points(

@@ -7,7 +7,6 @@ are stored without texts.
 
 import json
 from collections.abc import Iterable
-from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any, Final, NamedTuple
 
@@ -63,26 +62,11 @@ def read_records(text: str) -> tuple[dict[int, NodeRecord], dict[int, NodeDetail
     )
 
 
-@dataclass(slots=True)
-class _Record:
-    """A record, and its text; empty after a change."""
-
-    node: int
-    since_utc_s: float = 0.0
-    tries: int = 0
-    result: str = ""
-    reason: int = 0
-    text: str = ""
-    decision: str = ""
-    encoded: str = ""
-
-    def encode(self, has_texts: bool = True) -> str:
-        """Return its text."""
-        fields: list[Any] = [self.node, self.since_utc_s, self.tries, self.result, self.reason]
-        if has_texts and (self.text or self.decision):
-            fields += [self.text[:MAX_TEXT_LENGTH], self.decision[:MAX_TEXT_LENGTH]]
-        self.encoded = json.dumps(fields, separators=(",", ":"))
-        return self.encoded
+def _encoded(record: NodeRecord, has_texts: bool = True) -> str:
+    fields: list[Any] = list(record[:5])
+    if has_texts and (record.text or record.decision):
+        fields += [record.text[:MAX_TEXT_LENGTH], record.decision[:MAX_TEXT_LENGTH]]
+    return json.dumps(fields, separators=(",", ":"))
 
 
 class NodeRecords:
@@ -94,7 +78,8 @@ class NodeRecords:
 
     def __init__(self, stored: str, clock: Clock) -> None:
         self._clock = clock
-        self._records = {each: _Record(*found) for each, found in read_records(stored)[0].items()}
+        self._records = read_records(stored)[0]
+        self._texts: dict[int, str] = {}
         self._reasons: dict[int, int] = {}
 
     def note(self, node: PlanNode, begins: bool, result: str, why: str) -> None:
@@ -106,18 +91,22 @@ class NodeRecords:
             result: its result; empty while it runs.
             why: the last failure.
         """
-        record = self._changed(node)
+        record = self._record(node)
         if begins and result and result == record.result:
             return
-        record.since_utc_s = self._clock.utc_s()
-        record.tries += begins
-        record.result = result or record.result
         if result == "F":
-            record.text, record.reason = why, self._reason(node, why)
+            record = record._replace(text=why, reason=self._reason(node, why))
+        self._update(
+            record._replace(
+                since_utc_s=self._clock.utc_s(),
+                tries=record.tries + begins,
+                result=result or record.result,
+            )
+        )
 
     def note_halt(self, node: PlanNode) -> None:
         """Note that a node was halted."""
-        self._changed(node).since_utc_s = self._clock.utc_s()
+        self._update(self._record(node)._replace(since_utc_s=self._clock.utc_s()))
 
     def note_reason(self, number: int, reason: int) -> None:
         """Note the number of the reason of the failure that a node has next."""
@@ -125,12 +114,11 @@ class NodeRecords:
 
     def note_decision(self, node: PlanNode, text: str) -> None:
         """Note which branch a node took, and why."""
-        self._changed(node).decision = text
+        self._update(self._record(node)._replace(decision=text))
 
     def encoded(self, details: Iterable[NodeDetail]) -> str:
         """Return the records and the present details as text; see `read_records`."""
-        records = self._records.values()
-        text = ",".join(each.encoded or each.encode() for each in records)
+        text = ",".join(map(self._text, self._records.values()))
         if len(text) > MAX_RECORDS_LENGTH:
             text = ",".join(self._shortened())
         shown = json.dumps(tuple(details), separators=(",", ":"))
@@ -139,16 +127,20 @@ class NodeRecords:
     def _shortened(self) -> Iterable[str]:
         left = MAX_RECORDS_LENGTH
         for each in sorted(self._records.values(), key=attrgetter("since_utc_s"), reverse=True):
-            left -= len(each.encoded)
-            yield each.encoded if left > 0 else each.encode(has_texts=False)
+            left -= len(self._text(each))
+            yield self._text(each) if left > 0 else _encoded(each, has_texts=False)
 
-    def _changed(self, node: PlanNode) -> _Record:
-        number = node.location.number
-        record = self._records.get(number)
-        if record is None:
-            record = self._records[number] = _Record(number)
-        record.encoded = ""
-        return record
+    def _record(self, node: PlanNode) -> NodeRecord:
+        return self._records.get(node.location.number) or NodeRecord(node.location.number)
+
+    def _update(self, record: NodeRecord) -> None:
+        self._records[record.node] = record
+        self._texts.pop(record.node, None)
+
+    def _text(self, record: NodeRecord) -> str:
+        if record.node not in self._texts:
+            self._texts[record.node] = _encoded(record)
+        return self._texts[record.node]
 
     def _reason(self, node: PlanNode, why: str) -> int:
         """Return the reason of its command, or that of the child with the same failure."""
