@@ -23,7 +23,7 @@ def main() -> None:
         request["name"],
         request["format"],
         b64decode(request["content_base64"]),
-        tuple(PlanArgument(each["name"], each["text"]) for each in request["arguments"]),
+        tuple(PlanArgument(each["name"], each["value"]) for each in request["arguments"]),
     )
     trial = Trial(
         plan=plan,
@@ -34,7 +34,8 @@ def main() -> None:
     try:
         report = execute(trial, range(request["draws"]), 1, None, f"rover plan try {plan.name}")
     except (SettingsError, PlanRefusedError) as error:
-        sys.exit(f"Error: {error}")
+        print(f"Error: {error}", file=sys.stderr)
+        sys.exit(NOT_USABLE)
     print(json.dumps(report.document()))
     sys.exit(report.completed < report.draws)
 

@@ -24,6 +24,15 @@ _FIGURES: Final[tuple[tuple[str, str, Callable[[TrialResult], float | None]], ..
 
 
 @dataclass(frozen=True, slots=True)
+class Share:
+    """The interval of the share of completed runs, with a confidence."""
+
+    low: float
+    high: float
+    confidence: float
+
+
+@dataclass(frozen=True, slots=True)
 class FigureSpread:
     """The 5 %, 50 % and 95 % quantiles of a figure, and the number of runs with it."""
 
@@ -81,6 +90,7 @@ class WorstRun:
     """
 
     draw: int
+    completed: bool
     status: str
     reason: str
     clearance_m: float | None
@@ -97,9 +107,7 @@ class TrialReport:
     begin_utc_s: float
     draws: int
     completed: int
-    share_low: float
-    share_high: float
-    confidence: float
+    share: Share
     figures: tuple[FigureSpread, ...]
     branches: tuple[BranchCount, ...]
     nodes: tuple[NodeCounts, ...]
@@ -113,10 +121,10 @@ class TrialReport:
     def lines(self) -> Iterator[str]:
         """Yield it as text."""
         begin = datetime.fromtimestamp(self.begin_utc_s, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+        share = f"{self.share.low:.3f} .. {self.share.high:.3f}"
         yield (
             f"{self.plan}: {self.completed} of {self.draws} draws completed, begin {begin};"
-            f" share {self.share_low:.3f} .. {self.share_high:.3f} with confidence"
-            f" {self.confidence:g}"
+            f" share {share} with confidence {self.share.confidence:g}"
         )
         for each in self.figures:
             spread = f"{each.low:.4g} .. {each.high:.4g}"
@@ -159,9 +167,7 @@ def report_of(
         begin_utc_s=begin_utc_s,
         draws=len(runs),
         completed=completed,
-        share_low=share.low,
-        share_high=share.high,
-        confidence=CONFIDENCE,
+        share=Share(share.low, share.high, CONFIDENCE),
         figures=tuple(_spreads(runs)),
         branches=tuple(_branches(root, runs)),
         nodes=tuple(_node_counts(root, runs)),

@@ -70,6 +70,7 @@ def execute(
         raise SettingsError(f"draw {worst.draw}, repeated, was not identical bit for bit")
     described = WorstRun(
         draw=worst.draw,
+        completed=worst.completed,
         status=worst.status.name,
         reason=worst.reason,
         clearance_m=worst.clearance_m,

@@ -11,6 +11,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from adapters.mrs.cli.plan_command import plan
+from adapters.mrs.spec import trial_of
 from executive.plans import FORMAT
 from sim.trial.__main__ import main
 
@@ -58,8 +59,8 @@ def test_a_sound_plan_completes_in_all_draws(tmp_path: Path) -> None:
     rock = "world.rocks=[{x: 0.4, y: 1.2, radius: 0.5, height: 0.5}]"
     report = _report(_plan(tmp_path, DRIVE), "--draws", "2", "--set", "world=flat", "--set", rock)
     assert (report["draws"], report["completed"]) == (2, 2)
-    assert report["share_low"] == pytest.approx(0.025**0.5, abs=1e-3)  # Clopper-Pearson
-    assert report["share_high"] == 1.0
+    assert report["share"]["low"] == pytest.approx(0.025**0.5, abs=1e-3)  # Clopper-Pearson
+    assert report["share"]["high"] == 1.0
     duration, energy, clearance = report["figures"]
     assert 1.0 < duration["low"] <= duration["median"] <= duration["high"] < 5.0
     assert energy["median"] > 30 * duration["median"]
@@ -148,3 +149,11 @@ def test_another_process_gets_the_report_as_json(
     assert not left.value.code
     report = json.loads(capsys.readouterr().out)
     assert (report["plan"], report["completed"]) == ("p", 2)
+    trial = trial_of(report)
+    assert (trial.draws, trial.successes, trial.worst) == (2, 2, "draw 0: completed")
+    request["content_base64"] = b64encode(b"<root/>").decode()
+    monkeypatch.setattr("sys.stdin", StringIO(json.dumps(request)))
+    with pytest.raises(SystemExit) as left:
+        main()
+    assert left.value.code == 2
+    assert capsys.readouterr().err.startswith("Error: ")
