@@ -492,6 +492,15 @@ def plan_traces(count: int, seed: int) -> "list[Figure]":
     return plan_traces.measure(count, seed, log)
 
 
+@benchmark("plan-kills --kills 200", count("--kills", 2_000), SEED)
+def plan_kills(count: int, seed: int) -> "list[Figure]":
+    """Missions, killed after any tick and anywhere in a commit: is each done as undisturbed?"""
+    from tests.stress import plan_kills
+
+    log(f"plan kills: {count}, in lock step ...")
+    return plan_kills.measure(count, seed, log)
+
+
 @benchmark("mops-fuzz --messages 10000", count("--messages", 150_000, least=100), SEED)
 def mops_fuzz(count: int, seed: int) -> "list[Figure]":
     """Texts of wrong MOPS strings against all who read them."""

@@ -189,7 +189,7 @@ class Bench:
         self.executive.simulate_crash()
 
     def _start(self) -> Executive:
-        self.ledger = Ledger(self.folder / "ledger.sqlite", Synchronous.NORMAL)
+        self.ledger = self.open_ledger()
         return Executive(
             settings=self.settings,
             clock=self.clock,
@@ -202,6 +202,10 @@ class Bench:
             solver=self.solver,
             tape=self.tape,
         )
+
+    def open_ledger(self) -> Ledger:
+        """Open the ledger of the executive that starts now."""
+        return Ledger(self.folder / "ledger.sqlite", Synchronous.NORMAL)
 
     def downlinks(self) -> list[Downlink]:
         """Return who hears the executive that starts now."""
