@@ -8,7 +8,7 @@ from typing import Any, Final, Union, get_args, get_origin, get_type_hints
 
 from adapters.console.archive.objects import PlanRevision
 from adapters.console.messages import Message
-from adapters.console.requests.drafts import PlanDraft, PlanTemplate
+from adapters.console.requests.drafts import PlanDraft, PlanNodeEntry, PlanTemplate
 from adapters.console.requests.explaining import ExplanationBody
 from adapters.console.requests.files import FileEntry
 from adapters.console.requests.map_requests import RouteStep
@@ -19,7 +19,7 @@ from tests.docs.pages import CHECKOUT
 FILE: Final = CHECKOUT / "adapters" / "console" / "static" / "app" / "model" / "messages.d.ts"
 ANSWERS: Final = (
     *(AssetEntry, FileEntry, PlanRevision, Preview, ExplanationBody, RouteStep),
-    *(PlanDraft, PlanTemplate),
+    *(PlanDraft, PlanTemplate, PlanNodeEntry),
 )
 PLAIN: Final = {Any: "any", NoneType: "null", bool: "boolean", str: "string"} | dict.fromkeys(
     (int, float), "number"

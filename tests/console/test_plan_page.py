@@ -167,6 +167,60 @@ async def test_waits_questions_and_conditions_are_steps(launch: Launch, tmp_path
         assert await steps(page).all_inner_texts() == shown
 
 
+async def test_nodes_of_a_running_plan_are_shown_and_steered(
+    launch: Launch, tmp_path: Path
+) -> None:
+    rover = launch()
+    async with page_of_plans(tmp_path, rover.uri) as (_, page):
+        await page.get_by_role("button", name="XML", exact=True).click()
+        await page.get_by_label("name of the plan").fill("day")
+        await page.get_by_label("plan", exact=True).fill(CONTINGENT)
+        await expect(page.get_by_test_id("plan-check")).to_contain_text("Valid")
+        await page.get_by_role("button", name="outline").click()
+        await expect(page.get_by_text("This plan is no list of steps")).to_be_visible()
+        names = page.locator(".node .what")
+        await expect(names).to_have_text(["Fallback", "Sequence", "noon", "hills", "moveTo"])
+        await expect(node(page, "noon")).to_contain_text("utc 1.9e+09")
+        await node(page, "hills").get_by_role("button", name="open hills").click()
+        await expect(names).to_have_count(6)
+        await page.get_by_role("button", name="Submit to jackal").click()
+        outcome = page.get_by_test_id("plan-outcome")
+        await expect(outcome).to_contain_text("day submitted")
+        await page.locator(".side .activatePlan").click()
+        await expect(outcome).to_contain_text("activatePlan: executed")
+        await asyncio.to_thread(rover.run, 0.5)
+        row = page.locator(".aboard tr").filter(has_text="day")
+        await row.get_by_role("button", name="nodes").click()
+        await expect(node(page, "noon")).to_have_attribute("data-status", "running")
+        await expect(node(page, "noon")).to_contain_text("waits until 2030-03-17 17:46:40 UTC")
+        await node(page, "moveTo").get_by_role("button", name="hold before").click()
+        await expect(outcome).to_contain_text("holdAtNode: executed")
+        await node(page, "noon").get_by_role("button", name="skip").click()
+        await is_accessible(page)
+        await page.screenshot(path=ARTIFACTS / "console-plan-nodes.png")
+        await node(page, "noon").get_by_role("button", name="as failure").click()
+        await expect(outcome).to_contain_text("skipNode: executed")
+        await asyncio.to_thread(rover.run, 0.3)
+        await expect(node(page, "noon")).to_contain_text("skipped with FAILURE")
+        await expect(row).to_contain_text("suspended")
+        await expect(row).to_contain_text("held at plan:day/Fallback/moveTo")
+        await page.get_by_role("button", name="nodes of day, suspended").click()
+        await expect(page.get_by_text("This plan is no list of steps")).to_be_visible()
+
+
+CONTINGENT = """<root BTCPP_format="4" main_tree_to_execute="Day">
+  <BehaviorTree ID="Day"><Fallback>
+    <Sequence><WaitUntil name="noon" utc="1900000000"/><SubTree ID="Hills" name="hills"/></Sequence>
+    <moveTo x="1" y="0" deadline_s="60"/>
+  </Fallback></BehaviorTree>
+  <BehaviorTree ID="Hills"><takePicture deadline_s="20"/></BehaviorTree>
+</root>"""
+
+
+def node(page: Page, name: str) -> Locator:
+    return page.locator(f'.node[data-node$="/{name}"]')
+
+
 QUESTION = {
     "question": "cross the ditch?",
     "options": "cross;stay",

@@ -24,6 +24,7 @@ from adapters.mrs.spec import PlanPreview
 from executive.commands import PlanDefinition, Waypoint
 from executive.plans import CellReference, PlanNode, Script, check_bounds, nodes, read_plan
 from executive.settings import config_folder
+from executive.values.plan_nodes import PlanNodeReport
 from executive.values.reasons import Refusal
 
 MAX_STEPS: Final = 500
@@ -47,6 +48,35 @@ class OutlineNode:
     depth: int
     text: str
     line: int
+
+
+@dataclass(frozen=True, slots=True)
+class PlanNodeEntry(OutlineNode):
+    """A node of a plan aboard, with its progress; `text` is why it failed last.
+
+    Attributes:
+        status: idle, running, success or failure.
+        result: result of its last end; None before.
+        since: when it began, ended or was halted last.
+        tries: how often it began.
+        code: number of the reason of its last failure, if it was that of a command.
+        unknown: name of the value that it needs and that is not known; empty for none.
+        decision: its last choice; empty without one.
+        next: end of its wait, deadline or window.
+        has_question: whether its question is open.
+        command: its last command, as SOURCE:NUMBER.
+    """
+
+    status: str
+    result: str | None
+    since: float | None
+    tries: int
+    code: int | None
+    unknown: str
+    decision: str
+    next: float | None
+    has_question: bool
+    command: str | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,10 +151,18 @@ class DraftRequests:
         return [
             web.get("/api/plans/templates", self._templates),
             web.post("/api/plans/{asset}/draft", self._draft),
+            web.get("/api/plans/{asset}/{plan}/nodes", self._nodes),
         ]
 
     async def _templates(self, _: web.Request) -> web.Response:
         return json_response({"templates": templates(config_folder() / "plans")})
+
+    async def _nodes(self, request: web.Request) -> web.Response:
+        asset, plan_id = request.match_info["asset"], request.match_info["plan"]
+        _, *found = await self._commanding.query(
+            asset, lambda client: client.get_plan_nodes(plan_id)
+        )
+        return json_response({"nodes": [_node_entry(each) for each in found]})
 
     async def _draft(self, request: web.Request) -> web.Response:
         asset, body = request.match_info["asset"], await body_of(request)
@@ -169,6 +207,27 @@ def outline_of(root: PlanNode) -> tuple[OutlineNode, ...]:
         OutlineNode(at.path, at.name, node.kind.name, at.path.count("/") - 1, _about(node), at.line)
         for node in nodes(root)
         if (at := node.location).number != root.location.number
+    )
+
+
+def _node_entry(node: PlanNodeReport) -> PlanNodeEntry:
+    return PlanNodeEntry(
+        path=node.path,
+        name=node.path.rpartition("/")[2],
+        kind=node.kind,
+        depth=node.path.count("/") - 1,
+        text=node.text,
+        line=node.line,
+        status=node.status.name.lower(),
+        result=None if node.result is None else node.result.name.lower(),
+        since=node.since_utc_s,
+        tries=node.tries,
+        code=None if node.reason is None else node.reason.value,
+        unknown=node.unknown,
+        decision=node.decision,
+        next=node.next_utc_s,
+        has_question=node.question is not None,
+        command=None if node.command is None else str(node.command),
     )
 
 

@@ -99,7 +99,7 @@ class LinkListener(Protocol):
     def on_plan_nodes(
         self, link: "RoverLink", plan_id: str, nodes: tuple[PlanNodeReport, ...]
     ) -> None:
-        """Receive the nodes of a plan with questions; none after its end."""
+        """Receive the nodes of a plan with questions; the last time after its end."""
 
     def on_file(self, link: "RoverLink", notification: FileNotification) -> None:
         """Receive the change of a file."""
@@ -329,18 +329,18 @@ class RoverLink:
         without: set[str] = set()
         while True:
             for plan_id, status in tuple(self._plans.items()):
-                nodes: tuple[PlanNodeReport, ...] = ()
-                if status is PlanStatus.SUBMITTED or status in FINAL_STATUSES:
+                if status is PlanStatus.SUBMITTED:
                     without.discard(plan_id)
-                elif plan_id not in without:
-                    try:
-                        nodes = await client.get_plan_nodes(plan_id)
-                    except MalError as error:
-                        _LOG.debug("%s: no nodes of %s: %s", self.asset, plan_id, error)
-                        continue
-                    if not any(each.kind == QUESTION for each in nodes):
-                        without.add(plan_id)
+                if status is PlanStatus.SUBMITTED or plan_id in without:
+                    continue
+                try:
+                    nodes = await client.get_plan_nodes(plan_id)
+                except MalError as error:
+                    _LOG.debug("%s: no nodes of %s: %s", self.asset, plan_id, error)
+                    nodes = ()
                 self._listener.on_plan_nodes(self, plan_id, nodes)
+                if status in FINAL_STATUSES or not any(each.kind == QUESTION for each in nodes):
+                    without.add(plan_id)
             await asyncio.sleep(STATUS_S)
 
     async def _known_plans(self, client: MrsClient) -> tuple[PlanUpdate, ...]:

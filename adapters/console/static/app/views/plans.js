@@ -8,6 +8,7 @@ import { fetchJson, newId } from "../model/connection.js";
 import { PlanLibrary } from "../model/plan_library.js";
 import { predictionText } from "./command_form.js";
 import { MapView } from "./map.js";
+import { PlanNodes } from "./plan_nodes.js";
 import { PlanSteps } from "./plan_steps.js";
 import { button, html, reconcile, setText, set, tableHead } from "../dom.js";
 import { View } from "./view.js";
@@ -49,6 +50,10 @@ export class PlansView extends View {
   #asXml = button("XML", "edit the plan as XML", () => this.#show(true));
   #mapBox = html("div", { className: "map-box" });
   #steps = new PlanSteps(this);
+  #nodes = new PlanNodes(this);
+  /** plan aboard with its nodes shown instead of the plan in preparation */
+  #shownAboard = "";
+  #aboard = button("", "return to the plan in preparation", () => this.#showAboard(""));
   #xml = html("textarea", { "aria-label": "plan", spellcheck: false, placeholder: "XML of a plan", oninput: () => this.#typeXml() });
   #notSteps = html("p", { className: "empty" });
   #check = html("div", { className: "preview-text", role: "status", "data-testid": "plan-check" });
@@ -80,7 +85,7 @@ export class PlansView extends View {
       html(
         "div",
         { className: "column side" },
-        html("div", { className: "scroll", tabIndex: 0 }, this.#steps.root, this.#notSteps, this.#xml),
+        html("div", { className: "scroll", tabIndex: 0 }, this.#aboard, this.#steps.root, this.#notSteps, this.#nodes.root, this.#xml),
         this.#steps.adders,
         this.#check,
         html("div", { className: "buttons" }, this.#submit, this.#acts, this.#hindrance),
@@ -96,6 +101,8 @@ export class PlansView extends View {
     if (!plan.isEmpty) plan.check();
     this.#library.refresh();
     this.#steps.stateOf = (index) => this.#stateOf(index);
+    this.#nodes.onRead = draw;
+    this.#nodes.steer = (act, args) => this.#send("/api/commands", { asset: asset.name, name: act, args });
     const onMode = () => {
       if (mode === asset.mode) return;
       mode = asset.mode;
@@ -104,6 +111,7 @@ export class PlansView extends View {
     return [
       MapView.mount(this.#mapBox, /** @type {any} */ ({ ...this, draft: plan })),
       ...this.#steps.start(),
+      ...this.#nodes.start(),
       plan.on(draw),
       this.#library.on(draw),
       ...["plans", "links", "commands"].map((topic) => asset.on(topic, draw)),
@@ -118,8 +126,15 @@ export class PlansView extends View {
     this.plan.typeXml(this.#xml.value);
   }
 
+  /** @param {string} plan empty for the plan in preparation */
+  #showAboard(plan) {
+    this.#shownAboard = plan;
+    this.draw();
+  }
+
   /** @param {boolean} showsXml */
   #show(showsXml) {
+    this.#shownAboard = "";
     this.#showsXml = showsXml;
     this.draw();
   }
@@ -132,6 +147,7 @@ export class PlansView extends View {
 
   /** @param {import("../model/plan_library.js").LibraryEntry["read"]} read */
   #load(read) {
+    this.#shownAboard = "";
     return this.#attempt(async () => this.plan.load(await read()));
   }
 
@@ -225,6 +241,9 @@ export class PlansView extends View {
     const { done = null, status = "" } = this.#ownProgress ?? {};
     const { steps } = this.plan;
     const before = steps.slice(0, index).filter((each) => each.isCommand).length; // only commands are counted
+    const known = this.#nodes.statusOf(steps[index].node);
+    if (known === "running") return status === "SUSPENDED" ? "held" : "active";
+    if (known) return known === "idle" ? "" : "done";
     if (done === null || before + Number(!steps[index].isCommand) > done) return "";
     return before < done || !steps[index].isCommand ? "done" : { EXECUTING: "active", SUSPENDED: "held" }[status] ?? "";
   }
@@ -234,20 +253,28 @@ export class PlansView extends View {
     const progress = this.#progress;
     if (this.#name.value.trim() !== plan.name) this.#name.value = plan.name;
     this.#drawLibrary();
-    const showsXml = this.#showsXml || plan.isXmlOnly;
+    const aboard = asset.plansAboard.has(this.#shownAboard) ? this.#shownAboard : "";
+    const showsOutline = !this.#showsXml && plan.outline.length > 0;
+    const showsXml = !showsOutline && (this.#showsXml || plan.isXmlOnly);
     for (const [each, isOn] of /** @type {const} */ ([[this.#asSteps, !showsXml], [this.#asXml, showsXml]])) {
       each.classList.toggle("on", isOn);
       set(each, { "aria-pressed": isOn });
     }
-    this.#asSteps.disabled = plan.isXmlOnly;
+    this.#asSteps.disabled = plan.isXmlOnly && !plan.outline.length;
+    setText(this.#asSteps, plan.outline.length ? "outline" : "steps");
     this.#undo.disabled = !plan.canUndo;
     this.#steps.resumeAt = this.#ownProgress?.status === "SUSPENDED" ? (step) => this.#act("resumePlan", plan.name, { step: step.node }) : null;
-    this.#steps.root.hidden = this.#steps.adders.hidden = showsXml;
+    this.#steps.root.hidden = this.#steps.adders.hidden = showsXml || showsOutline || aboard !== "";
     this.#steps.draw();
-    this.#xml.hidden = !showsXml;
+    this.#xml.hidden = !showsXml || aboard !== "";
     if (this.#xml.value !== plan.xml) this.#xml.value = plan.xml;
-    this.#notSteps.hidden = !showsXml || !plan.notSteps;
+    this.#notSteps.hidden = !plan.notSteps || aboard !== "";
     setText(this.#notSteps, `This plan is no list of steps: ${plan.notSteps}.`);
+    this.#aboard.hidden = !aboard;
+    setText(this.#aboard, `nodes of ${aboard}, ${asset.plansAboard.get(aboard)?.status.toLowerCase()}: close`);
+    this.#nodes.show(aboard || (this.#ownProgress && !showsOutline ? plan.name : ""), showsOutline ? plan.outline : []);
+    this.#nodes.root.hidden = !aboard && !showsOutline;
+    this.#nodes.draw();
     this.#drawCheck();
     this.#drawButtons(progress);
     this.#drawOutcome();
@@ -321,12 +348,13 @@ export class PlansView extends View {
     const parts = [progress.total ? `${progress.done ?? 0} of ${progress.total}` : "", progress.text, revision ? `by ${revision.operator}, revision ${revision.revision}` : ""];
     setText(done, parts.filter(Boolean).join(", "));
     set(done, { title: progress.node ?? "" });
-    const offered = [...(ACTS[status] ?? []), ...(revision ? [`show ${revision.revision}`] : [])];
+    const offered = [...(ACTS[status] ?? []), ...(status === "SUBMITTED" ? [] : ["nodes"]), ...(revision ? [`show ${revision.revision}`] : [])];
     reconcile(acts, offered, String, (act) => this.#makeAct(act, () => name, revision));
   }
 
   /** @param {string} act name of a command, or `show` with a revision @param {() => string} nameOf the plan @param {PlanRevision} [revision] */
   #makeAct(act, nameOf, revision) {
+    if (act === "nodes") return button("nodes", "show the progress of its nodes, and steer it", () => this.#showAboard(nameOf()));
     if (!act.startsWith("show")) return button(LABELS[act], act, () => this.#act(act, nameOf()), { className: act });
     return button("show", "open this plan above", () => this.#load(() => this.#library.readRevision(revision.revision)));
   }
