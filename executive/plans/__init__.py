@@ -2,7 +2,9 @@
 
 from executive.plans.abstraction import ANY as ANY
 from executive.plans.abstraction import Abstraction as Abstraction
+from executive.plans.abstraction import cells_of_script as cells_of_script
 from executive.plans.abstraction import input_cells as input_cells
+from executive.plans.abstraction import written_cells as written_cells
 from executive.plans.arguments import number as number
 from executive.plans.arguments import utc as utc
 from executive.plans.builder import check_bounds as check_bounds

@@ -49,6 +49,18 @@ def input_cells(node: PlanNode) -> Iterator[CellReference]:
             yield value
 
 
+def written_cells(node: PlanNode) -> set[int]:
+    """Return the cells that the output ports and the scripts of a node write."""
+    found = {
+        target.cell
+        for port in node.kind.ports
+        if port.type.is_output and isinstance(target := node.ports.get(port.name), CellReference)
+    }
+    scripts = (script.statements for _, script in scripts_of(node))
+    assigned = (each for one in scripts for each in expressions(one) if each.sign in ASSIGNMENTS)
+    return found | {each.cell for each in assigned}
+
+
 class Chooser(Protocol):
     """Makes the choices of an exploration."""
 

@@ -174,7 +174,7 @@ EXPECTED = {
             FAILED,
             f"{executed('up, one, further')}, two FAILED, stow after a failure EXECUTED",
             (0, 0),
-            text="/two: FAILED (no camera frame received within 5.0 s)",
+            text="(no camera frame received within 5.0 s)",
         ),
     ),
     "10": (

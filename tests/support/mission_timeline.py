@@ -133,7 +133,7 @@ def _map(run: MissionRun, top_px: int) -> Iterator[str]:
     path = f"M{'L'.join(map(pixels, track))}{''.join(corners)}{ring}"
     yield f'<path class="l" d="{path}"/>'
     bottom_px = round(top_px + height_m * scale) + 16
-    text = f"ends at {run.pose.x_m:.1f}, {run.pose.y_m:.1f} m"
+    text = f"ends at {round(run.pose.x_m, 1) + 0.0}, {round(run.pose.y_m, 1) + 0.0} m"
     yield _text(RIGHT + 2 * MARGIN - 4, bottom_px, text)
 
 

@@ -219,6 +219,7 @@ class MissionBench(PlanBench):
         self._events = list(scene.events)
         self._tree: PlanTree | None = None
         self._open: dict[int, Span] = {}
+        self._statuses = ""
         build_tree = partial(TracedTree, bench=self)
         super().__init__(folder, scene.settings, build_tree, clock=MissionClock(mission.begin))
 
@@ -273,6 +274,10 @@ class MissionBench(PlanBench):
         """Advance the clock to shortly before anything can happen, if the plan only waits."""
         tree = self._tree
         if tree is None or not tree.waits():
+            return
+        statuses, before = tree.state().statuses, self._statuses
+        self._statuses = statuses
+        if statuses != before:
             return
         if self.rover.velocity != STANDING or self.creep_m > 0.0:
             return

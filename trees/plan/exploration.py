@@ -25,6 +25,7 @@ from executive.plans import (
     Value,
     input_cells,
     nodes,
+    written_cells,
 )
 from executive.values.clock import Clock, ManualClock
 from executive.values.plan_nodes import Question
@@ -313,7 +314,30 @@ class _Position(PlanLeaf):
         return (SUCCESS, FAILURE)[_exploration(self).choose(2, key)]
 
 
+_CONCURRENT: Final = frozenset(
+    {"Parallel", "ParallelAll", "ReactiveSequence", "ReactiveFallback", "WhileDoElse"}
+)
+
+
 class _Switch(Switch):
+    def _selected(self) -> int:
+        variable = self.plan.ports.get("variable")
+        if self.running != -1 and isinstance(variable, CellReference):
+            any_value = self.context.cells[variable.cell] == ANY
+            if any_value and not self._can_change(variable.cell):
+                return self.running
+        return super()._selected()
+
+    def _can_change(self, cell: int) -> bool:
+        """Return whether the value of a cell can change while a child runs."""
+        top, above = self.plan, self.parent
+        while isinstance(above, PlanBehaviour):
+            top = above.plan if above.plan.kind.name in _CONCURRENT else top
+            above = above.parent
+        return cell in self.context.measured or any(
+            cell in written_cells(each) for each in nodes(top)
+        )
+
     def _is_case(self, at: int, variable: Value) -> bool:
         if ANY in {variable, self.read(f"case_{at + 1}")}:
             return _exploration(self).choose(2, (self.number, at)) == 1

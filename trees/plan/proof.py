@@ -5,7 +5,17 @@ from dataclasses import dataclass
 from itertools import takewhile
 from typing import Final
 
-from executive.plans import CellReference, Finding, Level, PlanNode, PlanResult, PlanRoot, nodes
+from executive.plans import (
+    CellReference,
+    Finding,
+    Level,
+    PlanNode,
+    PlanResult,
+    PlanRoot,
+    Script,
+    cells_of_script,
+    nodes,
+)
 from trees.plan.exploration import MAX_VALUES, Exploration, ExploredState
 
 MAX_WORK: Final = 1_000_000
@@ -92,6 +102,12 @@ def prove(
     return Proof(len(todo), ticks, judge.findings, tuple(limits))
 
 
+def _cells_waited_for(node: PlanNode) -> Iterator[int]:
+    script = node.ports["if"]
+    assert isinstance(script, Script)
+    return cells_of_script(script.statements)
+
+
 class _Judge:
     def __init__(self, plan: PlanRoot, exploration: Exploration) -> None:
         self._plan = plan
@@ -101,10 +117,11 @@ class _Judge:
         }
         self._exploration = exploration
         self._found: dict[tuple[int, str], Finding] = {}
-        for number in exploration.repeated:
+        done_again = (self._nodes[number] for number in exploration.repeated)
+        for node in (each for each in done_again if not each.kind.name.startswith("set")):
             self._add(
                 Level.WARNING,
-                self._nodes[number],
+                node,
                 "it can be done again after it succeeded: a SequenceWithMemory, or a variable and "
                 "_skipIf, remember it",
             )
@@ -142,11 +159,14 @@ class _Judge:
         elif PlanResult.SKIPPED in results:
             text = "the plan can end skipped, which is FAILED: put a ForceSuccess, or a step, in it"
             self._add(Level.WARNING, top, text)
+        measured = {cell for cell, _ in self._plan.blackboard.telemetry}
         reached, succeeded = self._exploration.reached, self._exploration.succeeded
         satisfied = {self._position(self._nodes[number]) for number in succeeded}
         lines = {self._position(self._nodes[number]) for number in reached}
         for number, node in self._nodes.items():
             waited = node.kind.name == "WaitFor" and number in reached
+            # By telemetry it can hold aboard: here a guard with the same condition precedes it.
+            waited = waited and measured.isdisjoint(_cells_waited_for(node))
             if waited and self._position(node) not in satisfied:
                 self._add(Level.ERROR, node, "it waits for nothing: its condition never holds")
             above = self._above.get(number)

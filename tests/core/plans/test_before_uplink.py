@@ -179,6 +179,12 @@ FLAWED = {
         <Switch2 variable="{{path}}" case_1="a" case_2="b"> {HERE}
         {DRIVE}{HOME}{PICTURE}
         </Switch2></Sequence>""",
+    "a branch that another arm changes": f"""<Sequence><Script code="part := 'a'"/>
+        <Parallel><Repeat num_cycles="4"><Sequence><Sleep msec="5000"/>
+        <Script code="part = @LINK_UP &gt; 0 ? 'a' : 'b'"/></Sequence></Repeat>
+        <Switch2 variable="{{part}}" case_1="a" case_2="c"> {HERE}
+        <moveForward distance="1" deadline_s="60"/>
+        {HOME}{PICTURE}</Switch2></Parallel></Sequence>""",
     "steps that a guard does again": f"""<Timeout msec="900000"><ReactiveSequence>
         <Fallback><ScriptCondition code="@BATERY_VOLTAGE &gt; 23"/>
         <WaitFor if="@BATERY_VOLTAGE &gt; 25" deadline_s="60"/></Fallback>
@@ -290,6 +296,16 @@ SOUND = {
     "a relative step that is tried again alone": f"""<Sequence>
         <RetryUntilSuccessful num_attempts="2"><rotateBy angle="0.5" deadline_s="30"/>
         </RetryUntilSuccessful>{PICTURE}</Sequence>""",
+    "a branch by a stored time of day": f"""<Sequence>
+        <Script code="part := @UTC &lt; 1800010000 ? 'morning' : 'noon'"/>
+        <Switch2 variable="{{part}}" case_1="morning" case_2="noon">{DRIVE}{HOME}{PICTURE}</Switch2>
+        </Sequence>""",
+    "settings that a guard does again": f"""<Timeout msec="900000"><WhileDoElse>
+        <ScriptCondition code="@LINK_UP == 1"/>
+        <Sequence><setCameraAngles pan="1" tilt="0" deadline_s="9"/>{PICTURE}</Sequence>
+        <Sequence><setCameraAngles pan="0" tilt="0" deadline_s="9"/>
+        <WaitFor if="@LINK_UP == 1" deadline_s="60"/></Sequence>
+        </WhileDoElse></Timeout>""",
     "inverted": f"""<Sequence><Inverter><FaultActive name="battery_low"/></Inverter>
         <Delay delay_msec="5000">{DRIVE}</Delay></Sequence>""",
 }
