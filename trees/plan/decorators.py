@@ -9,7 +9,6 @@ from executive.plans import (
     MAX_READ_PARTS,
     ArgumentError,
     PlanNode,
-    UnknownValueError,
     part_values,
     parts_of,
 )
@@ -256,16 +255,8 @@ class QueueLoop(PlanDecorator):
 
     def run(self) -> Answer:
         """Take the next part unless the child runs, and tick the child."""
-        if self.status is IDLE or not self.busy:
-            try:
-                if not self._take_part():
-                    return self.answer_as("if_empty", "no part of the queue is left")
-            except UnknownValueError as unknown:
-                self.note_unknown(unknown)
-                return FAILURE
-            except ArgumentError as error:
-                self.context.port.note_failure(self.plan, str(error))
-                return FAILURE
+        if (self.status is IDLE or not self.busy) and not self._take_part():
+            return self.answer_as("if_empty", "no part of the queue is left")
         if self.status is IDLE:
             self.status = RUNNING
         answer = self.nodes[0].execute()

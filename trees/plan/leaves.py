@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 
-from executive.plans import ArgumentError, LeafError, PlanStep, UnknownValueError
+from executive.plans import LeafError, PlanStep
 from trees.plan.node import FAILURE, IDLE, RUNNING, SUCCESS, Answer, PlanBehaviour, time_text
 
 
@@ -13,10 +13,6 @@ class PlanLeaf(PlanBehaviour):
         """Tick the leaf; see `PlanBehaviour.execute`."""
         try:
             return super().execute()
-        except UnknownValueError as unknown:
-            self.note_unknown(unknown)
-            self.status = FAILURE
-            return FAILURE
         except LeafError:
             raise
         except Exception as error:
@@ -149,11 +145,7 @@ class CommandLeaf(TimedLeaf):
         step, port = self.step, self.context.port
         now_s = port.clock.now_s()
         if self.deadline_s is None:
-            try:
-                port.request(step, self.cycles, self.context.cells)
-            except ArgumentError as error:
-                port.note_failure(self.plan, str(error))
-                return FAILURE
+            port.request(step, self.cycles, self.context.cells)
             allowed_s = step.deadline_s
             self.deadline_s = float("inf") if allowed_s is None else now_s + allowed_s
         outcome = port.poll(step)

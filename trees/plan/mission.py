@@ -3,7 +3,7 @@
 from math import hypot
 from typing import ClassVar
 
-from executive.plans import ArgumentError, number, question_of
+from executive.plans import number, question_of
 from executive.values.parameters import Parameter
 from executive.values.plan_nodes import Question
 from trees.plan.leaves import PlanLeaf, TimedLeaf
@@ -141,10 +141,7 @@ class RoverCondition(PlanLeaf):
     def run(self) -> Answer:
         """Test the condition."""
         tests = {"Near": self._is_far, "Reachable": self._is_refused, "FaultActive": self._is_well}
-        try:
-            why = tests[self.plan.kind.name]()
-        except ArgumentError as error:
-            why = str(error)
+        why = tests[self.plan.kind.name]()
         if why:
             self.context.port.note_failure(self.plan, why)
         return FAILURE if why else SUCCESS

@@ -15,6 +15,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from executive.plans import (
+    ArgumentError,
     CellReference,
     EvaluationError,
     LeafError,
@@ -134,7 +135,7 @@ class PlanBehaviour(Behaviour):
         before = self.status
         if before is IDLE and self.unknown:
             self.unknown = ""
-        answer = self._execute_guarded() if self._guarded else self.run()
+        answer = self._execute_guarded() if self._guarded else self._run_contained()
         if answer is not SKIPPED:
             self.status = answer
             if answer is not before and (before is not IDLE or answer is not self._last):
@@ -296,6 +297,16 @@ class PlanBehaviour(Behaviour):
         if records is not None:
             records.note(self.plan, begins, result, self.context.port.why)
 
+    def _run_contained(self) -> Answer:
+        """Run; a value that is not known or not valid fails the node."""
+        try:
+            return self.run()
+        except UnknownValueError as unknown:
+            self.note_unknown(unknown)
+        except ArgumentError as error:
+            self.context.port.note_failure(self.plan, str(error))
+        return FAILURE
+
     def _execute_guarded(self) -> Answer:
         answer: Answer | None = None
         if self.forced not in {None, Steering.HOLD}:
@@ -303,11 +314,7 @@ class PlanBehaviour(Behaviour):
         if answer is None:
             answer = self._precondition()
             if answer is None:
-                try:
-                    answer = self.run()
-                except UnknownValueError as unknown:
-                    self.note_unknown(unknown)
-                    answer = FAILURE
+                answer = self._run_contained()
         if answer is SUCCESS or answer is FAILURE:
             ended = "_onSuccess" if answer is SUCCESS else "_onFailure"
             if not (self._run_script(ended) and self._run_script("_post")):
