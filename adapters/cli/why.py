@@ -1,6 +1,7 @@
 """The command `rover why`: explains a command's result, or the present standstill or motion."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -16,6 +17,7 @@ from adapters.explanation import (
     TimeFormatter,
     UnknownCommandError,
     explain_command,
+    explain_node,
     explain_now,
     explanation_lines,
 )
@@ -31,6 +33,9 @@ from adapters.mrs.cli import (
     to_option,
 )
 from executive.history import RunHistory
+
+if TYPE_CHECKING:
+    from adapters.mrs.ground import MrsClient
 
 
 @click.command()
@@ -53,16 +58,21 @@ from executive.history import RunHistory
 def why(
     command: str | None, to: RoverTarget, recording: Path | None, at_s: float | None, as_json: bool
 ) -> None:
-    """Explain the result of a command, or the present standstill or motion.
+    """Explain the result of a command, a node of a plan, or the present standstill or motion.
 
     A command is given by its number, or as SOURCE:NUMBER. Its explanation shows source, link, wait,
-    the leaves of the tree that executed it, speed limits, its end, and the evidence. A rover stores
-    its last 1000 commands; of older ones, and from before a restart, it has only the reports.
+    the branches of a plan above it, the leaves of the tree that executed it, speed limits,
+    its end, and the evidence. A rover stores its last 1000 commands; of older ones, and from before
+    a restart, it has only the reports.
+
+    A node of a plan is given by its path, or the end of it. Its explanation shows the branches that
+    it took, and why, its last failure, and its next time.
 
     \b
     Examples:
       rover why
       rover why MOE:1
+      rover why survey/photo
       rover why --file run.mcap
       rover why MOE:1 --file run.mcap
       rover why --file run.mcap --at 4.5
@@ -81,8 +91,21 @@ def why(
 
 async def _print_why(to: RoverTarget, command: str | None, as_json: bool) -> None:
     async with await connect(to) as client:
-        history = await query_history(client, command)
-    _print_explanation(_explained(history, command), date_and_time, as_json)
+        if command is not None and not command.rpartition(":")[2].isdigit():
+            explanation = await _explained_node(client, command)
+        else:
+            explanation = _explained(await query_history(client, command), command)
+    _print_explanation(explanation, date_and_time, as_json)
+
+
+async def _explained_node(client: "MrsClient", name: str) -> Explanation:
+    """Explain a node of the plan that changed last, of those with such a node."""
+    plans = sorted(await client.get_plan_status(), key=lambda each: each.utc_s, reverse=True)
+    for each in plans:
+        found = explain_node(await client.get_plan_nodes(each.plan_id), name)
+        if found is not None:
+            return found
+    raise click.UsageError(f"no command and no node of a plan {name[:64]!r}; `rover log` lists all")
 
 
 def _explained(history: RunHistory, command: str | None) -> Explanation:

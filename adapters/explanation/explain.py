@@ -5,11 +5,18 @@ explanations. Facts missing in the history are left out.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
+from adapters.explanation.explanation import Explanation, ExplanationStep
 from adapters.explanation.log import matches_command, situation_at
+from adapters.explanation.plan_steps import (
+    branch_steps,
+    explain_recorded_node,
+    present_decisions,
+)
 from executive.commands import Family, Mode, all_declarations
+from executive.commands.intake import SOURCE_PREFIX
 from executive.faults import DECLARED
 from executive.history import DISK_WAIT, CommandHistory, LeafRun, RunHistory, Situation
 from executive.state import RECOVERY, Uncertainty
@@ -44,41 +51,12 @@ class UnknownCommandError(LookupError):
     """A command is unknown or ambiguous; the text lists the known ones."""
 
 
-@dataclass(frozen=True, slots=True)
-class ExplanationStep:
-    """A step of the causal chain.
-
-    Attributes:
-        utc_s: onboard time, s UTC; None for a step without a time.
-    """
-
-    utc_s: float | None
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
-class Explanation:
-    """Explanation of a command or state.
-
-    Attributes:
-        headline: the result in one sentence.
-        reason: numbered reason; None if there is none, as for an executed command.
-        steps: causes in the order of time.
-        evidence: figures that support it.
-    """
-
-    headline: str
-    reason: Reason | UnknownReason | None
-    steps: tuple[ExplanationStep, ...]
-    evidence: tuple[Figure, ...] = ()
-
-
 def explain_command(history: RunHistory, command: str) -> Explanation:
     """Return the result of a command and its causes.
 
     Args:
         history: history that covers the command.
-        command: its number, or `SOURCE:NUMBER`.
+        command: its number, or `SOURCE:NUMBER`; or the path of a plan's node, or the end of it.
 
     Raises:
         UnknownCommandError: no command or several match.
@@ -111,6 +89,9 @@ def explain_command(history: RunHistory, command: str) -> Explanation:
     for each in history.received:
         if matches_command(command, each.identity) and each.utc_s >= since_utc_s:
             return Explanation(f"{each.identity} {each.text} waits for the disk", None, ())
+    node = explain_recorded_node(history, command)
+    if node is not None:
+        return node
     known = [str(identity) for identity in histories][-5:]
     which = f"the latest known: {', '.join(known)}" if known else "none is known"
     raise UnknownCommandError(f"no command {command}; {which}")
@@ -147,6 +128,7 @@ def explain_now(history: RunHistory) -> Explanation:
     elif (last := last_ended(histories.values())) is not None and last.end is not None:
         reason = last.end.reason
         steps.append(ExplanationStep(last.end.utc_s, f"the last command to end: {_ending(last)}"))
+    steps += present_decisions(history)
     steps += [each for each in _conditions(history) if each not in steps]
     return Explanation(headline, reason, tuple(steps), evidence)
 
@@ -169,6 +151,7 @@ class _CommandExplainer:
     def explain(self) -> Explanation:
         entry, end = self._command, self._command.end
         steps = [
+            *branch_steps(self._history, entry),
             *_received_text(entry),
             *self._waiting_steps(),
             *self._ran(),
@@ -266,6 +249,7 @@ class _CommandExplainer:
             each
             for each in self._history.leaves
             if branch in f"/{each.path}/"
+            and not each.path.startswith(SOURCE_PREFIX)
             and each.began_utc_s <= self._end_s
             and (each.ended_utc_s is None or each.ended_utc_s > began_s)
         ]

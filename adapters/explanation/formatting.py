@@ -2,7 +2,8 @@
 
 from collections.abc import Callable
 
-from adapters.explanation.explain import Explanation, in_brackets
+from adapters.explanation.explain import in_brackets
+from adapters.explanation.explanation import Explanation
 from adapters.explanation.log import Entry
 from executive.history import CommandHistory
 from executive.values.reasons import PREDICTED

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any, Final
 
 from executive.commands import Command, request_text
-from executive.commands.intake import MAX_SOURCE_LENGTH
+from executive.commands.intake import MAX_SOURCE_LENGTH, SOURCE_PREFIX
 from executive.core.recording import (
     CommandDequeued,
     CoreCall,
@@ -33,6 +33,7 @@ from executive.history.run_history import (
     Situation,
 )
 from executive.settings import Settings
+from executive.values.plan_nodes import DECISIONS
 from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity, Report
 
@@ -48,13 +49,16 @@ KINDS: Final = (
 """Kinds of items that are used, besides process starts and entries."""
 _RUNNING: Final = "RUNNING"
 _MIN_DISK_WAIT_S: Final = 0.1
+_OF_PLANS: Final = (SOURCE_PREFIX, *DECISIONS)
+"""Begins of the messages of plan nodes that are part of the history."""
 
 
 class HistoryBuilder:
     """A tape that can return the history of the run at any time.
 
     Args:
-        leaf_paths: returns the leaves of an asset's behaviour tree; other nodes are ignored.
+        leaf_paths: returns the leaves of an asset's behaviour tree; other nodes are ignored,
+            except those of plans.
         maximum: maximum number of items of each kind, the newest; None for all.
     """
 
@@ -75,6 +79,7 @@ class HistoryBuilder:
         self._situations: deque[Situation] = deque(maxlen=maximum)
         self._leaves: deque[LeafRun] = deque(maxlen=maximum)
         self._running: dict[str, LeafRun] = {}
+        self._shown: dict[str, str] = {}
         self._behind_since_utc_s: float | None = None
         self._behind = False
         self._fastest: dict[Identity, float] = {}
@@ -98,8 +103,11 @@ class HistoryBuilder:
                 for node in nodes:
                     if node.path in self._leaf_paths:
                         self._follow(node)
+                    elif node.path.startswith(SOURCE_PREFIX):
+                        self._follow_plan(node)
                 for path in removed:
                     self._end_leaf(path)
+                    self._shown.pop(path, None)
             case ModeChanged() as now:
                 self._active = now.active
                 self._situations.append(
@@ -191,6 +199,18 @@ class HistoryBuilder:
         run = self._running.get(node.path)
         began_s = self._utc_s if run is None else run.began_utc_s
         self._running[node.path] = LeafRun(node.path, began_s, None, node.message)
+
+    def _follow_plan(self, node: TreeNodeState) -> None:
+        """Note the commands of a plan's node, and its decisions, each while it is in force."""
+        shown = node.message if node.message.startswith(_OF_PLANS) else ""
+        run, is_new = self._running.get(node.path), shown != self._shown.get(node.path, "")
+        self._shown[node.path] = shown
+        if run is not None and is_new:
+            self._end_leaf(node.path)
+        if shown and is_new:
+            self._running[node.path] = LeafRun(node.path, self._utc_s, None, shown)
+        if node.status != _RUNNING:
+            self._end_leaf(node.path)
 
     def _end_leaf(self, path: str) -> None:
         run = self._running.pop(path, None)

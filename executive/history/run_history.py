@@ -135,12 +135,12 @@ class Situation:
 
 @dataclass(frozen=True, slots=True)
 class LeafRun:
-    """An interval during which a leaf of the tree ran.
+    """An interval during which a leaf ran, or a decision of a plan's node was in force.
 
     Attributes:
         path: path of the leaf, names from the root joined by slashes.
         ended_utc_s: end of the interval; None while it runs.
-        message: its last feedback message.
+        message: its last feedback message; of a node of a plan its command or its decision.
     """
 
     path: str

@@ -1,7 +1,7 @@
 """`NodeRecords`: the progress of each node of a plan, as part of its state.
 
 A node has a record as soon as it has begun. The text of a record is computed once after a change,
-so that a state with few changes is stored quickly. Beyond `MAX_RECORDS_LENGTH`, the oldest ones
+so that a state with few changes is stored quickly. Beyond `MAX_RECORDS_LENGTH`, the earliest ones
 are stored without texts.
 """
 
@@ -115,6 +115,11 @@ class NodeRecords:
     def note_decision(self, node: PlanNode, text: str) -> None:
         """Note which branch a node took, and why."""
         self._update(self._record(node)._replace(decision=text))
+
+    def decision(self, node: PlanNode) -> str:
+        """Return which branch a node took last, and why; empty for none."""
+        record = self._records.get(node.location.number)
+        return "" if record is None else record.decision
 
     def encoded(self, details: Iterable[NodeDetail]) -> str:
         """Return the records and the present details as text; see `read_records`."""

@@ -20,6 +20,10 @@ from tests.explanation.case import Case
 from tests.support.kinematic import Bench
 from tests.support.plans import AHEAD, BACK, TOO_LATE, plan, xml
 
+CASES: Final = f"""<Sequence><Script code="way:='cross'"/>
+  <Switch2 variable="{{way}}" case_1="cross" case_2="stay">{AHEAD}{BACK}<AlwaysFailure/></Switch2>
+</Sequence>"""
+
 STEP: Final = "plan:survey:1"
 """The first command of the plan."""
 
@@ -78,6 +82,31 @@ PLANS: Final = (
     Case("step too late", _runs(TOO_LATE, for_s=2.0), STEP, Reason.PLAN_DEADLINE),
     Case(
         "now: plan failed", _runs(TOO_LATE, for_s=2.0), None, Reason.PLAN_DEADLINE, "plan:survey:1"
+    ),
+    Case(
+        "step of the second branch",
+        _runs(f'<Fallback name="there">{TOO_LATE}{AHEAD}</Fallback>', for_s=2.0),
+        "plan:survey:2",
+        None,
+        "there took the second branch moveForward 2: moveForward was CANCELLED 761",
+    ),
+    Case(
+        "step of a case",
+        _runs(CASES),
+        STEP,
+        None,
+        "Switch2 took the case 1 moveForward: way is cross",
+    ),
+    Case(
+        "now: a plan waits on its second branch",
+        _runs(
+            f'<Fallback name="there">{TOO_LATE}<Sequence><Sleep msec="60000"/>{AHEAD}</Sequence>'
+            "</Fallback>",
+            for_s=2.0,
+        ),
+        None,
+        Reason.PLAN_DEADLINE,
+        "there took the second branch Sequence: moveForward was CANCELLED 761",
     ),
     Case("step suspended", _runs(AHEAD, SuspendPlan("survey")), STEP, Reason.PLAN_SUSPENDED),
     Case("step aborted", _runs(AHEAD, AbortPlan("survey")), STEP, Reason.PLAN_ABORTED),

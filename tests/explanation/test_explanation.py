@@ -32,6 +32,7 @@ from tests.explanation.live import LiveBench
 from tests.explanation.plan_situations import PLANS
 from tests.explanation.situations import CASES
 from tests.support.kinematic import Bench
+from tests.support.plans import AHEAD, TOO_LATE, PlanBench
 
 
 def recorded(case: Case, folder: Path) -> Path:
@@ -253,3 +254,16 @@ def test_the_loss_of_a_command_is_a_line_of_its_own_and_names_it_once() -> None:
     assert first is loss
     assert isinstance(second, CommandHistory)
     assert entry_line(loss, str) == "2.0  ALARM MOE:7 may not have arrived"
+
+
+def test_a_node_of_a_plan_is_explained_by_its_decisions(tmp_path: Path) -> None:
+    body = f'<Fallback name="there">{TOO_LATE}{AHEAD}</Fallback>'
+    path = tmp_path / "run.mcap"
+    with closing(RunFile(path)) as tape, PlanBench(tmp_path, tape=tape) as bench:
+        bench.outcome(body)
+    shown = typed(why, "there", "--file", path).output
+    assert shown.startswith("there took the second branch moveForward 2: moveForward was CANCELLED")
+    assert (
+        "there/moveForward 2 gave plan:survey:2"
+        in typed(why, "moveForward 2", "--file", path).output
+    )

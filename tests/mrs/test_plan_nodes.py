@@ -21,7 +21,7 @@ def rover(*arguments: str) -> Result:
     return CliRunner(env={"COLUMNS": "200"}).invoke(main, ["plan", *arguments])
 
 
-ASKS = plan("""<Sequence>
+QUESTION = plan("""<Sequence>
   <Ask name="ditch" question="Cross it?" options="cross;turn back" default="turn back"
        deadline_s="600" answer="{way}"/>
   <moveForward distance="1" deadline_s="60"/>
@@ -31,7 +31,7 @@ ASKS = plan("""<Sequence>
 async def test_the_nodes_of_a_plan_are_reported(client: MrsClient) -> None:
     with raises(AreaError.NOT_FOUND.value):
         await client.get_plan_nodes("survey")
-    await client.run(client.command(SubmitPlan(ASKS)))
+    await client.run(client.command(SubmitPlan(QUESTION)))
     nodes = await client.get_plan_nodes("survey")
     assert [(each.kind, each.line) for each in nodes] == [
         ("SubTree", 2),
@@ -45,21 +45,27 @@ async def test_the_nodes_of_a_plan_are_reported(client: MrsClient) -> None:
 
 
 def test_the_status_of_a_named_plan_lists_its_nodes(running: Aboard, tmp_path: Path) -> None:
-    file, to = tmp_path / "asks.xml", ("--to", running.uri)
-    file.write_bytes(ASKS.content)
-    for typed in (("submit", str(file)), ("activate", "asks")):
+    file, to = tmp_path / "crossing.xml", ("--to", running.uri)
+    file.write_bytes(QUESTION.content)
+    for typed in (("submit", str(file)), ("activate", "crossing")):
         assert rover(*typed, *to).exit_code == 0
     running.run(1.0)
-    shown = rover("status", "asks", *to).output
+    shown = rover("status", "crossing", *to).output
     (row,) = (line for line in shown.splitlines() if "ditch (Ask)" in line)
     assert "RUNNING" in row
     assert "Cross it?" in row
-    (found,) = map(json.loads, rover("status", "asks", "--json", *to).output.splitlines())
+    (found,) = map(json.loads, rover("status", "crossing", "--json", *to).output.splitlines())
     ditch = next(each for each in found["nodes"] if each["path"].endswith("ditch"))
     assert ditch["question"]["options"] == ["cross", "turn back"]
     assert ditch["next"] == ditch["question"]["until"]
     assert rover("answer", "ditch", "turn back", *to).exit_code == 0
-    assert rover("watch", "asks", *to).exit_code == 0
-    ended = rover("status", "asks", *to).output
+    assert rover("watch", "crossing", *to).exit_code == 0
+    why = CliRunner().invoke(main, ["why", "ditch", *to]).output
+    assert why.startswith("Sequence/ditch ended last with SUCCESS\n")
+    assert "Sequence/ditch answered turn back" in why
+    unknown = CliRunner().invoke(main, ["why", "nothing", *to])
+    assert unknown.exit_code == 2
+    assert "no command and no node of a plan 'nothing'" in unknown.output
+    ended = rover("status", "crossing", *to).output
     assert "answered turn back" in ended
     assert ended.count("SUCCESS") == 4

@@ -104,6 +104,7 @@ class PlanBehaviour(Behaviour):
     unknown = ""
     _choice: object = None
     _last: Status | None = None
+    _decided = False
 
     def __init__(self, plan: PlanNode, run: PlanRun, nodes: Sequence["PlanBehaviour"]) -> None:
         super().__init__(plan.location.name)
@@ -133,8 +134,8 @@ class PlanBehaviour(Behaviour):
             return RUNNING  # it stays IDLE, so that it begins when the plan continues
         self.context.executed += 1
         before = self.status
-        if before is IDLE and self.unknown:
-            self.unknown = ""
+        if before is IDLE and (self._decided or self.unknown):
+            self._decided, self.unknown, self.feedback_message = False, "", ""
         answer = self._execute_guarded() if self._guarded else self._run_contained()
         if answer is not SKIPPED:
             self.status = answer
@@ -181,7 +182,9 @@ class PlanBehaviour(Behaviour):
         return self.context.port.clock.utc_s() - utc_s
 
     def on_load(self) -> None:
-        """Continue after its state was loaded."""
+        """Continue after its state was loaded, with the decision that it took."""
+        if self.status is RUNNING and self.context.records is not None:
+            self.feedback_message = self.context.records.decision(self.plan)
 
     def on_halt(self) -> None:
         """Give the attributes of its state their initial values."""
@@ -273,8 +276,9 @@ class PlanBehaviour(Behaviour):
             choice: the choice; it is noted if it differs from the last one.
             text: the choice and its cause; it begins with one of `DECISIONS`.
         """
+        self._decided, self.feedback_message = True, text
         if choice != self._choice and self.context.records is not None:
-            self._choice, self.feedback_message = choice, text
+            self._choice = choice
             self.context.records.note_decision(self.plan, text)
 
     def branch_text(self, at: int) -> str:
@@ -295,6 +299,8 @@ class PlanBehaviour(Behaviour):
         if result:
             self._choice, self._last = None, self.status
         if records is not None:
+            if begins and not self._decided:
+                records.note_decision(self.plan, "")
             records.note(self.plan, begins, result, self.context.port.why)
 
     def _run_contained(self) -> Answer:

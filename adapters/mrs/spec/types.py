@@ -708,7 +708,8 @@ class History:
         commands: Commands, in the order of reception.
         declined: Commands that were refused without a life cycle of their own.
         states: Modes of the asset, in the order of time.
-        leaves: Runs of leaves of the behaviour tree.
+        leaves: Runs of leaves of the behaviour tree. For plans also: decisions of their nodes while
+            they are in force.
         fastest: Maximum commanded speed of each command.
         slowing: Numbers of the reasons of the faults with the reaction SLOW_DOWN.
     """

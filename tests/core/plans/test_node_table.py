@@ -1,12 +1,15 @@
 """The table of a plan's nodes: what has happened to each, while it runs, waits, and has ended."""
 
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from executive.commands import AnswerQuestion
+from adapters.recording import RunFile
+from adapters.recording.replay import replay
+from executive.commands import AnswerQuestion, ResumePlan, RetryNode, SkipNode, SuspendPlan
 from executive.values.plan_nodes import NodeStatus, PlanNodeReport
 from executive.values.reasons import Reason, Refusal
 from executive.values.reports import Identity, PlanStatus
@@ -21,6 +24,7 @@ def bench(tmp_path: Path) -> Iterator[PlanBench]:
         yield bench
 
 
+SKIPPED = "skipped with SUCCESS: requested by an operator"
 FALLBACK = f'<Fallback name="there">{TOO_LATE}{BACK}</Fallback>'
 
 
@@ -106,3 +110,39 @@ def test_the_table_survives_a_kill(bench: PlanBench) -> None:
         name: each if name != "rest" else replace(each, next_utc_s=None)
         for name, each in before.items()
     }
+
+
+@pytest.mark.at_length
+def test_a_contingent_run_is_replayed_bit_for_bit(tmp_path: Path) -> None:
+    """An answer, a skip, a retry, a wait for telemetry, a branch, a suspension and a kill."""
+    body = f"""<Sequence>
+      <Fallback name="there">{TOO_LATE}{BACK}</Fallback>
+      <Ask name="ditch" question="Cross it?" options="cross;stay" deadline_s="600" answer="{{go}}"/>
+      <WaitFor name="charged" if="@BATTERY_CHARGE &gt; 0.9" deadline_s="600"/>
+      <Switch2 variable="{{go}}" case_1="cross" case_2="stay">
+        <moveForward name="over" distance="3" deadline_s="60"/><AlwaysSuccess/><AlwaysFailure/>
+      </Switch2>
+      <takePicture name="photo" deadline_s="9"/>
+      <moveForward name="home" distance="-2" deadline_s="60"/>
+    </Sequence>"""
+    path = tmp_path / "run.mcap"
+    with closing(RunFile(path)) as tape, PlanBench(tmp_path, tape=tape) as bench:
+        bench.begin(body, 10.0)
+        bench.request(AnswerQuestion("survey", "ditch", "cross"))
+        bench.run(1.0)
+        bench.charge_ratio = 0.95
+        bench.run(1.0)
+        bench.request(RetryNode("survey", "over"))
+        bench.request(SkipNode("survey", "photo", "SUCCESS"))
+        bench.run(1.0)
+        bench.request(SuspendPlan("survey"))
+        bench.run(0.5)
+        bench.request(ResumePlan("survey"))
+        bench.run(1.0)
+        bench.crash()
+        bench.run(0.5)
+        assert bench.resumed() is PlanStatus.COMPLETED
+        found = table(bench)
+        assert (found["over"].tries, found["photo"].decision) == (2, SKIPPED)
+    replayed = replay(path)
+    assert (replayed.difference, replayed.whole, replayed.starts) == (None, True, 2)
