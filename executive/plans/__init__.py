@@ -28,7 +28,6 @@ from executive.plans.dialect import NodeKind as NodeKind
 from executive.plans.dialect import Port as Port
 from executive.plans.dialect import PortType as PortType
 from executive.plans.dialect import Role as Role
-from executive.plans.dialect import palette as palette
 from executive.plans.execution import CommandOutcome as CommandOutcome
 from executive.plans.execution import LeafError as LeafError
 from executive.plans.execution import PlanExecution as PlanExecution

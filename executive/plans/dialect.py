@@ -47,7 +47,7 @@ class Role(Enum):
 
 @unique
 class PortType(Enum):
-    """Type of the value of a port, and its type in Groot2's model.
+    """Type of the value of a port.
 
     Attributes:
         COUNT, SECONDS, MILLISECONDS, UTC, STATUS, FLAG: known when the plan is read.
@@ -56,29 +56,25 @@ class PortType(Enum):
         CONDITION, STATEMENTS: scripts.
     """
 
-    COUNT = "count", "int"
-    SECONDS = "seconds", "double"
-    MILLISECONDS = "milliseconds", "unsigned int"
-    UTC = "utc", "std::string"
-    STATUS = "status", "BT::NodeStatus"
-    FLAG = "flag", "bool"
-    NUMBER = "number", "double"
-    TEXT = "text", "std::string"
-    ANY = "any", "BT::AnyTypeAllowed"
-    CONDITION = "condition", "std::string"
-    STATEMENTS = "statements", "std::string"
-    WRITTEN_NUMBER = "written_number", "double"
-    WRITTEN_TEXT = "written_text", "std::string"
-    WRITTEN = "written", "BT::AnyTypeAllowed"
-
-    def __init__(self, word: str, model_type: str) -> None:
-        self.word = word
-        self.model_type = model_type
+    COUNT = "count"
+    SECONDS = "seconds"
+    MILLISECONDS = "milliseconds"
+    UTC = "utc"
+    STATUS = "status"
+    FLAG = "flag"
+    NUMBER = "number"
+    TEXT = "text"
+    ANY = "any"
+    CONDITION = "condition"
+    STATEMENTS = "statements"
+    WRITTEN_NUMBER = "written_number"
+    WRITTEN_TEXT = "written_text"
+    WRITTEN = "written"
 
     @property
     def is_output(self) -> bool:
         """Whether the node writes the port."""
-        return self.word.startswith("written")
+        return self.value.startswith("written")
 
     @property
     def is_script(self) -> bool:
@@ -353,35 +349,3 @@ TELEMETRY: Final[Mapping[str, str]] = MappingProxyType(
     }
 )
 """Telemetry that scripts read as `@NAME`, with its meaning and unit."""
-
-
-def palette() -> str:
-    """Return Groot2's model of all nodes of the dialect that BehaviorTree.CPP does not have."""
-    lines = ['<?xml version="1.0" encoding="UTF-8"?>', '<root BTCPP_format="4">']
-    lines.append("  <TreeNodesModel>")
-    for kind in DIALECT.values():
-        if kind.command is None and kind.name not in _OWN_NODES:
-            continue
-        lines.append(f'    <{kind.role.value} ID="{kind.name}">')
-        lines += (f"      {_model_of(port)}" for port in kind.ports)
-        lines.append(f"    </{kind.role.value}>")
-    lines += ["  </TreeNodesModel>", "</root>"]
-    return "\n".join(lines) + "\n"
-
-
-_OWN_NODES: Final = frozenset(
-    ["WaitUntil", "WaitFor", "Window", "Ask", "Near", "Reachable", "FaultActive", "LoopPlace"]
-)
-
-
-def _model_of(port: Port) -> str:
-    from xml.sax.saxutils import quoteattr  # imports urllib.request: not aboard
-
-    direction = "output_port" if port.type.is_output else "input_port"
-    kind = port.type.model_type
-    if port.argument is not None and port.argument.kind is int:
-        kind = "int"
-    about = f"{port.meaning} (optional)" if port.optional else port.meaning
-    default = "" if port.default is None else f" default={quoteattr(port.default)}"
-    text = f'<{direction} name="{port.name}" type="{kind}"{default}'
-    return f"{text} description={quoteattr(about)}/>"

@@ -104,7 +104,7 @@ def test_a_run_of_the_stress_part_finds_no_difference() -> None:
 class ForgetfulSequence(OrderedBranch):
     """A Sequence that begins anew after its state was stored."""
 
-    memory = ()  # type: ignore[assignment]
+    memory = ()
 
 
 class HastyRepeat(LoopDecorator):

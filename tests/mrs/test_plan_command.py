@@ -12,8 +12,9 @@ from rich.console import Console
 from adapters.cli.main import main
 from adapters.mrs.cli.plan_command import COLUMNS, PlanLines, plan_row
 from adapters.mrs.cli.plan_command import plan as plan_group
+from adapters.mrs.cli.plan_palette import palette
 from adapters.mrs.cli.terminal import table
-from executive.plans import LEAVES, palette
+from executive.plans import LEAVES
 from executive.plans.plan_xml import read_xml
 from executive.values.reports import PlanStatus, PlanUpdate
 from tests.mrs.aboard import Aboard

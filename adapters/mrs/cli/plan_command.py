@@ -51,7 +51,7 @@ from executive.commands import (
     SuspendPlan,
     declaration_of,
 )
-from executive.plans import palette, read_plan
+from executive.plans import read_plan
 from executive.values.plan_nodes import PlanNodeReport
 from executive.values.reasons import Refusal
 from executive.values.reports import PlanStatus, PlanUpdate
@@ -315,6 +315,8 @@ def nodes() -> None:
     Example:
       rover plan nodes > nodes.xml
     """
+    from adapters.mrs.cli.plan_palette import palette
+
     click.echo(palette(), nl=False)
 
 
