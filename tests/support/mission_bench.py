@@ -409,8 +409,8 @@ class MissionBench(PlanBench):
                 plan: PlanNode = node.plan
                 names = (name for name in ("utc", "from", "until") if name in plan.ports)
                 yield from (at for name in names if (at := plan.number(name)) > self.utc_s)
-                if getattr(node, "until_utc_s", None) is not None:
-                    yield node.until_utc_s
+                if (until_utc_s := getattr(node, "until_utc_s", None)) is not None:
+                    yield until_utc_s
         for asked_s in self.seen.questions.values():
             if self.utc_s < asked_s + ANSWER_S:
                 yield asked_s + ANSWER_S
