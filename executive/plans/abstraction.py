@@ -18,21 +18,8 @@ from executive.plans.model import (
     nodes,
     parts_of,
 )
-from executive.plans.scripting import (
-    Cells,
-    Evaluation,
-    Script,
-    UnknownValueError,
-    compile_script,
-)
-from executive.plans.syntax import (
-    ASSIGNMENTS,
-    LITERAL,
-    NAME,
-    Expression,
-    Value,
-    expressions,
-)
+from executive.plans.scripting import Cells, Evaluation, Script, UnknownValueError, compile_script
+from executive.plans.syntax import ASSIGNMENTS, LITERAL, NAME, Expression, Value, expressions
 
 ANY: Final = "\0any"
 """A value that can be any."""

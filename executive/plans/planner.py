@@ -47,11 +47,7 @@ from executive.plans.plan_lifecycle import (
     check_status,
     source_states,
 )
-from executive.plans.recovery import (
-    MAX_RESTARTS,
-    continued_state,
-    recover_state,
-)
+from executive.plans.recovery import MAX_RESTARTS, continued_state, recover_state
 from executive.plans.state import PlanState, StateError, decode, encode, shifted
 from executive.plans.steering import MAX_NAMED, check_steering, steered
 from executive.record import Notifications, PlanStore, StoredState

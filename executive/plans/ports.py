@@ -4,14 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from executive.faults import FaultTable
-from executive.plans.arguments import (
-    argument_value,
-    check_length,
-    choice,
-    count,
-    number,
-    utc,
-)
+from executive.plans.arguments import argument_value, check_length, choice, count, number, utc
 from executive.plans.blackboard import Scope, variable
 from executive.plans.dialect import DEADLINE, NodeKind, Port, PortType
 from executive.plans.model import (

@@ -4,16 +4,7 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 from executive.plans import CellReference, PlanNode, UnknownValueError, Value, case_matches, text_of
-from trees.plan.node import (
-    FAILURE,
-    IDLE,
-    RUNNING,
-    SKIPPED,
-    SUCCESS,
-    Answer,
-    PlanBehaviour,
-    PlanRun,
-)
+from trees.plan.node import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Answer, PlanBehaviour, PlanRun
 
 
 class ControlNode(PlanBehaviour):

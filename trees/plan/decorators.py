@@ -4,14 +4,7 @@ from collections.abc import Sequence
 from math import inf
 from typing import Final
 
-from executive.plans import (
-    LOOPS,
-    MAX_READ_PARTS,
-    ArgumentError,
-    PlanNode,
-    part_values,
-    parts_of,
-)
+from executive.plans import LOOPS, MAX_READ_PARTS, ArgumentError, PlanNode, part_values, parts_of
 from trees.plan.node import (
     ANSWERS,
     FAILURE,
