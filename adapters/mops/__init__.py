@@ -18,6 +18,9 @@ from adapters.mops.dictionary import Spelling as Spelling
 from adapters.mops.dictionary import conditions_of as conditions_of
 from adapters.mops.dictionary import load_dictionary as load_dictionary
 from adapters.mops.dictionary import mark_overtaken as mark_overtaken
+from adapters.mops.questions import OpenQuestions as OpenQuestions
+from adapters.mops.questions import questions_message as questions_message
+from adapters.mops.questions import questions_of as questions_of
 from adapters.mops.reports import LINK as LINK
 from adapters.mops.reports import MAX_SEQUENCE as MAX_SEQUENCE
 from adapters.mops.reports import TO_ALL as TO_ALL

@@ -73,6 +73,7 @@ class Spelling:
     keep_alive: OtherEntry = OtherEntry(0x303, "KEEP_ALIVE")
     authority: OtherEntry = OtherEntry(0x304, "AUTHORITY")
     housekeeping: OtherEntry = OtherEntry(0x305, "HOUSEKEEPING")
+    questions: OtherEntry = OtherEntry(0x306, "QUESTIONS")
 
     def __post_init__(self) -> None:
         """Check what holds for every dictionary; `Dictionary` checks the set of commands."""
@@ -101,6 +102,7 @@ class Spelling:
             ("keep_alive", self.keep_alive),
             ("authority", self.authority),
             ("housekeeping", self.housekeeping),
+            ("questions", self.questions),
         ):
             yield key, entry.code, entry.command
 

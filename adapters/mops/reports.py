@@ -86,7 +86,7 @@ def reply_of(
     outputs = _Reply(
         report.stage.name,
         report.reason.name if report.reason else "",
-        _cut(report.text),
+        cut(report.text),
         report.sequence,
         report.utc_s,
         report.severity.name,
@@ -121,7 +121,7 @@ def refusal_of(command: Message, source: str, text: str, reason: Reason | None =
         text: cause of the refusal.
         reason: numbered reason, if there is one.
     """
-    outputs = _Reply(Stage.REJECTED.name, reason.name if reason else "", _cut(text))
+    outputs = _Reply(Stage.REJECTED.name, reason.name if reason else "", cut(text))
     return Message(
         command.code,
         source,
@@ -150,7 +150,7 @@ def event_of(report: Report, entry: OtherEntry, source: str, ledger: str = "") -
     outputs = _Event(
         report.severity.name,
         report.reason.name if report.reason else "",
-        _cut(report.text),
+        cut(report.text),
         report.sequence,
         report.utc_s,
         report.fault or "",
@@ -254,8 +254,9 @@ def _output_values(outputs: _Reply | _Event) -> tuple[str, ...]:
     return values if outputs.ledger else values[:-1]
 
 
-def _cut(text: str) -> str:
-    return text if len(text) <= MAX_TEXT_LENGTH else text[: MAX_TEXT_LENGTH - 1] + _CUT
+def cut(text: str, length: int = MAX_TEXT_LENGTH) -> str:
+    """Return a text of at most some characters."""
+    return text if len(text) <= length else text[: length - 1] + _CUT
 
 
 def _named(kind: type[N], name: str) -> N:

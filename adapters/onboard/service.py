@@ -289,7 +289,7 @@ def executive_on(
         if relay is not None:
             if housekeeping is not None:
                 housekeeping.publish = relay.publish_housekeeping
-            relay.serve(executive.submit, lambda: executive.mode)
+            relay.serve(executive.submit, lambda: executive.mode, executive.plan_questions)
             relay_topics.serve(relay, served)
         with ExitStack() as ends:  # each also if one before it raises
             ends.callback(clients.close)

@@ -97,7 +97,7 @@ class Executive:
 
     Attributes:
         ground: monitor of the time since the last contact with the ground.
-        plan_nodes: see `Planner.nodes`.
+        plan_nodes, plan_questions: see `Planner.nodes` and `ActivePlans.questions`.
         predictions: predictions, and the paths that previews request.
         safety: the active faults.
         wake: called on their thread after each `submit` or `query`; thread-safe and quick.
@@ -164,7 +164,7 @@ class Executive:
             self.predictions.predict_plan,
             RoverSurroundings(self._context, self.ground, self._notifications),
         )
-        self.plan_nodes = self._planner.nodes
+        self.plan_nodes, self.plan_questions = self._planner.nodes, self._context.plans.questions
         self.authority = Authority(
             clock,
             settings.authority,

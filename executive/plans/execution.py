@@ -362,7 +362,7 @@ class PlanExecution:
             if journal.get(step_key(each.location, ())) is StepOutcome.SKIPPED
         }
         self._answers = dict(state.answers)
-        self._open_questions = set(state.questions)
+        self._open_questions: dict[str, Question | None] = dict.fromkeys(state.questions)
         self._new_questions: dict[str, Question] = {}
         self._settled_questions = dict(state.settled)
         self.restarts = state.restarts
@@ -447,11 +447,17 @@ class PlanExecution:
         answer = self._answers.pop(question.key, None)
         if answer is not None:
             self._settle(question, answer)
-        elif question.key not in self._open_questions:
-            self._open_questions.add(question.key)
+            return answer
+        if question.key not in self._open_questions:
             self._settled_questions.pop(question.key, None)
             self._new_questions[question.key] = question
+        self._open_questions[question.key] = question
         return answer
+
+    @property
+    def questions(self) -> tuple[Question, ...]:
+        """The open questions."""
+        return tuple(filter(None, self._open_questions.values()))
 
     def report_questions(self) -> None:
         """Report the questions that were opened in this tick, and still are."""
@@ -468,7 +474,7 @@ class PlanExecution:
         self._settle(question, answer)
 
     def _settle(self, question: Question, answer: str) -> None:
-        self._open_questions.discard(question.key)
+        self._open_questions.pop(question.key, None)
         self._new_questions.pop(question.key, None)
         self._settled_questions[question.key] = answer
 

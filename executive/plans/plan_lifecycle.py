@@ -6,6 +6,7 @@ from typing import Final
 
 from executive.commands.lifecycle import Edge, make_machine, terminal_states
 from executive.plans.execution import RunningPlan
+from executive.values.plan_nodes import Question
 from executive.values.reasons import Reason, Refusal
 from executive.values.reports import PlanStatus
 
@@ -66,6 +67,7 @@ class ActivePlans:
         suspended: the plans that wait to be resumed.
         started_by: source that last activated or resumed each plan, in this process.
         waits: the present waits and questions of the executing plan, as text; empty without any.
+        questions: the open questions of the executing and suspended plans, by their ids.
     """
 
     def __init__(self) -> None:
@@ -73,3 +75,4 @@ class ActivePlans:
         self.suspended: tuple[str, ...] = ()
         self.started_by: dict[str, str] = {}
         self.waits = ""
+        self.questions: dict[str, tuple[Question, ...]] = {}

@@ -224,6 +224,7 @@ class Planner:
 
         Commands that have ended stay known; the others are given again. Timers have continued.
         """
+        self._recover_questions()
         waiting = filter(self._store.awaits_restart, self._active.suspended)
         executing = self._active.executing
         for plan_id in waiting if executing is None else (executing,):
@@ -241,6 +242,15 @@ class Planner:
         if self._restarted is not None:
             self._store.stop_timers(self._restarted)
             self._restarted = None
+
+    def _recover_questions(self) -> None:
+        """Note the open questions of the plans that a former process left."""
+        for plan_id, plan in self._plans.items():
+            if plan.state in {PlanStatus.EXECUTING, PlanStatus.SUSPENDED}:
+                found = self.nodes(plan_id)
+                if not isinstance(found, Refusal):
+                    questions = (each.question for each in found)
+                    self._active.questions[plan_id] = tuple(filter(None, questions))
 
     def fail(self, why: Refusal) -> None:
         """Fail the executing plan."""
@@ -314,8 +324,10 @@ class Planner:
     def _save(self, run: ActiveRun, suspended: bool = False) -> None:
         stored = run.changed_state(self._clock, suspended)
         if stored is not None:
+            plan_id = run.execution.plan.plan_id
             self._active.waits = run.waits
-            self._store.save_state(run.execution.plan.plan_id, stored)
+            self._active.questions[plan_id] = run.execution.questions
+            self._store.save_state(plan_id, stored)
 
     @property
     def _executing(self) -> RunningPlan | None:
@@ -516,6 +528,7 @@ class Planner:
         MACHINE.events[event.value].trigger(plan)
         if plan.state in FINAL_STATUSES:
             self._store.end(plan.plan_id, plan.final_state)
+            self._active.questions.pop(plan.plan_id, None)
         self._notify(plan, text)
         if plan.state is not PlanStatus.ACTIVATED:
             severity = _SEVERITY.get(plan.state, Severity.INFORMATIONAL)

@@ -29,6 +29,7 @@ from adapters.mrs.spec import (
     speeds,
     to_ns,
     usage_figures,
+    wire_node,
     with_text,
 )
 from adapters.mrs.transport import TransportSettings
@@ -45,6 +46,7 @@ from adapters.system import OPERATING_SYSTEM, System
 from executive.commands import Command, ExecuteAction
 from executive.record import LedgerError
 from executive.values.parameters import ParameterValue
+from executive.values.plan_nodes import NodeStatus, PlanNodeReport
 from executive.values.reports import Report, ReportKind, Severity, Stage
 
 if TYPE_CHECKING:
@@ -113,6 +115,8 @@ class RoverProvider:
         offer.serve("MotionControl", "getPose", lambda _: (pose(rover),))
         offer.serve("MotionControl", "getSpeeds", lambda _: (speeds(rover),))
         offer.serve("Camera", "getState", lambda _: (camera_state(rover, video_on=False),))
+        if self._serves("Plan", "activatePlan"):
+            offer.serve("Plan", "getPlanNodes", lambda _, plan_id: (self._questions(plan_id),))
         offer.serve("Status", "getStatus", lambda _: (self._status(),))
         offer.serve("ServiceLayer", "getServices", lambda call: (self._offer.descriptors(call),))
         offer.serve("ServiceLayer", "getService", self._service)
@@ -273,8 +277,19 @@ class RoverProvider:
             mode=self._mode(),
             activeCommandId=record.outstanding.active(),
             queuedCommands=record.outstanding.queued(),
-            activePlan=None,
+            activePlan=next((plan_id for plan_id, _ in self._rover.questions.questions), None),
             values=self._all_values(),
+        )
+
+    def _questions(self, plan_id: str) -> tuple[wire.PlanNode, ...]:
+        """Return the nodes of a plan with an open question: no others are known here."""
+        found = [each for plan, each in self._rover.questions.questions if plan == plan_id]
+        if not found:
+            text = f"{plan_id[:64]}: the orbiter knows open questions only, and none of this plan"
+            raise with_text(AreaError.NOT_FOUND, text)
+        return tuple(
+            wire_node(PlanNodeReport(each.key, "Ask", 0, NodeStatus.RUNNING, question=each))
+            for each in found
         )
 
     def _mode(self) -> wire.AssetMode:

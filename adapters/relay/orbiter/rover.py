@@ -5,6 +5,7 @@ import logging
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from datetime import UTC, datetime
 from typing import Final, Protocol
 
 from adapters.bundle import (
@@ -28,6 +29,7 @@ from adapters.mops import (
     LinkHealth,
     Message,
     MopsError,
+    OpenQuestions,
     decode,
     encode,
     health_of,
@@ -36,6 +38,7 @@ from adapters.mops import (
     messages_in,
     mode_of,
     parameters_of,
+    questions_of,
     report_of,
 )
 from adapters.mrs.spec import AreaError, duplicate_error, refusal_error, with_text
@@ -50,6 +53,7 @@ from executive.commands import Command, Mode, PreemptionPolicy, Stop
 from executive.commands.intake import check_identity, check_lifetime
 from executive.record import LedgerError, digest
 from executive.values.parameters import Parameter, ParameterValue
+from executive.values.plan_nodes import Question
 from executive.values.reasons import Figure
 from executive.values.reports import Identity, Report, ReportKind, Severity
 
@@ -73,6 +77,7 @@ class RelayedRover:
     Attributes:
         listener: receives reports and telemetry; None before the provider starts.
         aboard: last health report of the rover's end of the link.
+        questions: open questions of the rover's plans.
         housekeeping: last health figures of the rover's executive, or of the brick's router.
     """
 
@@ -92,6 +97,7 @@ class RelayedRover:
         self.listener: RoverListener | None = None
         self.aboard: LinkHealth | None = None
         self.housekeeping = Housekeeping(0.0, {})
+        self.questions = OpenQuestions(0.0)
         self._agent = agent
         self._dictionary = dictionary
         self._utc_s = utc_s
@@ -300,6 +306,9 @@ class RelayedRover:
         if message.code == spelling.housekeeping.code:
             self.housekeeping = housekeeping_of(message, spelling.housekeeping)
             return
+        if message.code == spelling.questions.code:
+            self._note_questions(questions_of(message, spelling.questions))
+            return
         if message.code == spelling.telemetry.code:
             values = self._parameters(message, made_utc_s)
             mode_of(message, spelling.telemetry)
@@ -312,6 +321,22 @@ class RelayedRover:
         if self.record.ledgers.new(ledger):
             self._start_new_ledger(ledger)
         self._add_report(report, unit, ledger)
+
+    def _note_questions(self, found: OpenQuestions) -> None:
+        """Notify of each question once when it opens, and when it is no longer open."""
+        if found.utc_s <= self.questions.utc_s:
+            return  # a repeat, or overtaken by a later message
+        before = {(plan_id, each.key) for plan_id, each in self.questions.questions}
+        self.questions = found
+        for plan_id, each in found.questions:
+            if (plan_id, each.key) in before:
+                before.discard((plan_id, each.key))
+            else:
+                self.notify(Severity.WARNING, question_text(plan_id, each))
+        if not found.more:
+            for plan_id, key in sorted(before):
+                text = f"question {_path(key)} of plan {plan_id} is no longer open"
+                self.notify(Severity.INFORMATIONAL, text)
 
     def _add_report(self, report: Report, unit: str, ledger: str) -> None:
         reports: Sequence[Report] = (report,)
@@ -425,6 +450,22 @@ class RelayedRover:
             self._report(each.report, each.cursor)
         if not last:
             self.notify(Severity.INFORMATIONAL, f"{identity}: no report received yet")
+
+
+def _path(key: str) -> str:
+    """Return the path of a question below its plan."""
+    return key.partition("/")[2] or key
+
+
+def question_text(plan_id: str, question: Question) -> str:
+    """Return a question as text, with the command that answers it."""
+    key, options = _path(question.key), " or ".join(question.options)
+    text = f"question {key} of plan {plan_id}: {question.text} ({options})"
+    if question.until_utc_s is not None:
+        until = datetime.fromtimestamp(question.until_utc_s, UTC)
+        default = "it fails" if question.default is None else question.default
+        text += f", until {until:%Y-%m-%d %H:%M:%S} UTC, then {default}"
+    return f"{text}; answer by: answerQuestion {plan_id} {key} OPTION"
 
 
 @contextmanager

@@ -438,6 +438,7 @@ class SendQueue:
             spelling.telemetry.code,
             spelling.link.code,
             spelling.housekeeping.code,
+            spelling.questions.code,
         }
         self._reports: dict[ReportBatch, None] = {}
         self._newest: dict[int, Message] = {}

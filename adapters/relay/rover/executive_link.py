@@ -21,6 +21,7 @@ from adapters.mops import (
     fingerprint,
     housekeeping_message,
     messages_in,
+    questions_message,
     refusal_of,
     reply_of,
     telemetry_of,
@@ -32,11 +33,16 @@ from executive.commands.intake import check_identity
 from executive.commands.lifecycle import Accepted, Duplicate, Rejected, SubmitResult
 from executive.record import Ledger, LedgerError, RelayRecord, digest
 from executive.values.parameters import Parameter, ParameterValue
+from executive.values.plan_nodes import Question
 from executive.values.reasons import Reason, Refusal
 from executive.values.reports import FileEvent, Identity, PlanUpdate, Report, ReportKind, Stage
 
 POLL_S: Final = 0.2
 """Period of `poll`."""
+QUESTIONS_S: Final = 30.0
+"""Period of the repeats of open questions; chosen, not measured."""
+QUIET_S: Final = 600.0
+"""Time after the last question during which its end is repeated."""
 HOUSEKEEPING_S: Final = 30.0
 """Minimum interval between housekeeping messages: the link has a low data rate."""
 RETRANSMIT_POLLS: Final = 5
@@ -48,6 +54,8 @@ PAGE: Final = 50
 MAX_ANSWERED: Final = 100
 """Maximum strings of answers that await confirmation; beyond it commands are republished."""
 MAX_SOURCE_LENGTH: Final = 256
+PlanQuestions = Mapping[str, tuple[Question, ...]]
+"""Open questions by the ids of their plans."""
 Submit = Callable[[Command, Callable[[SubmitResult], None], Callable[[], None]], None]
 """`Executive.submit`."""
 _LOG: Final = logging.getLogger(__name__)
@@ -121,10 +129,21 @@ class ExecutiveRelayLink:
         """Fingerprint of the commands, by the fingerprint of their answers."""
         self._polls = self._listeners = 0
         self._house_s = -inf
+        self._questions: PlanQuestions = {}
+        self._published: PlanQuestions = {}
+        self._questions_s = self._quiet_s = -inf
 
-    def serve(self, submit: Submit, mode: Callable[[], Mode | None] = lambda: None) -> None:
-        """Submit commands to an executive's inbox from now on, and report its mode."""
+    def serve(
+        self,
+        submit: Submit,
+        mode: Callable[[], Mode | None] = lambda: None,
+        questions: PlanQuestions | None = None,
+    ) -> None:
+        """Submit commands to an executive's inbox from now on; report its mode and questions."""
         self._submit, self._mode = submit, mode
+        self._questions = {} if questions is None else questions
+        if questions:  # of a former process: the orbiter may have missed the end of one
+            self._quiet_s = self._system.now_s() + QUIET_S
 
     def send_reports(self, reports: Sequence[Report]) -> None:
         """Publish reports; defer them without a subscriber, or with too many unconfirmed."""
@@ -155,6 +174,18 @@ class ExecutiveRelayLink:
             self._publish_message(
                 housekeeping_message(message, self._dictionary.spelling.housekeeping, self._asset)
             )
+
+    def _publish_questions(self) -> None:
+        """Publish all open questions at a change, and repeatedly: a message may be lost."""
+        now_s = self._system.now_s()
+        sent = {plan_id: some for plan_id, some in self._questions.items() if some}
+        changed = sent != self._published
+        if sent or changed:
+            self._quiet_s = now_s + QUIET_S
+        if self._listeners and (changed or self._questions_s <= now_s < self._quiet_s):
+            self._published, self._questions_s = sent, now_s + QUESTIONS_S
+            utc_s, entry = self._system.utc_s(), self._dictionary.spelling.questions
+            self._publish_message(questions_message(sent, utc_s, entry, self._asset))
 
     def send_file_event(self, event: FileEvent) -> None:
         """Ignored: files use the direct link."""
@@ -211,6 +242,7 @@ class ExecutiveRelayLink:
             for unconfirmed in self._unconfirmed.values():
                 self._topics.publish(unconfirmed.text)
         self._catch_up()
+        self._publish_questions()
         first = next((each.first for each in self._unconfirmed.values()), self._sent + 1)
         if first - 1 != self._confirmed_up_to:
             self._confirmed_up_to = first - 1

@@ -32,6 +32,7 @@ from adapters.mops import (
     health_message,
     housekeeping_message,
     load_dictionary,
+    questions_message,
     reply_of,
     telemetry_of,
 )
@@ -42,6 +43,7 @@ from adapters.relay.orbiter.provider import RoverProvider
 from adapters.relay.orbiter.relay import OrbiterRelay
 from executive.commands import Mode
 from executive.values.parameters import Parameter
+from executive.values.plan_nodes import Question
 from executive.values.reports import Identity, Report, ReportKind, Severity, Stage
 from tests.support.ports import free_port
 from tests.support.processes import Running
@@ -189,6 +191,11 @@ class FarRover:
         await self._send(
             housekeeping_message(reported, DICTIONARY.spelling.housekeeping, self.name)
         )
+
+    async def question(self, utc_s: float, **questions: Question) -> None:
+        """Send the open questions, each of the plan of its name."""
+        asked = {plan_id: (each,) for plan_id, each in questions.items()}
+        await self._send(questions_message(asked, utc_s, DICTIONARY.spelling.questions, self.name))
 
     def _report(
         self,
