@@ -20,7 +20,7 @@ from tests.relay.rover.ends import DICTIONARY
 from tests.stress.mops_aboard import Wire
 from tests.support.plans import PlanBench, plan
 
-ASKED = """<Sequence>
+PLAN = """<Sequence>
   <Ask name="ditch" question="Cross?" options="cross;back" default="back" deadline_s="60"
     answer="{a}"/>
   <Sleep msec="900000"/>
@@ -38,7 +38,7 @@ class SystemOfClock(OperatingSystem):
         self.now_s, self.utc_s = clock.now_s, clock.utc_s
 
 
-class Asking(PlanBench):
+class QuestionBench(PlanBench):
     """An executive with plans and a relay link, and what stands where rover-relay does."""
 
     def downlinks(self) -> list[Downlink]:
@@ -77,15 +77,15 @@ class Asking(PlanBench):
 
 
 @pytest.fixture
-def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Asking]:
+def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[QuestionBench]:
     monkeypatch.setattr(executive_link, "QUESTIONS_S", QUESTIONS_S)
     monkeypatch.setattr(executive_link, "QUIET_S", QUIET_S)
-    with Asking(tmp_path) as bench:
-        bench.go(plan(ASKED))
+    with QuestionBench(tmp_path) as bench:
+        bench.go(plan(PLAN))
         yield bench
 
 
-def test_a_question_is_repeated_until_it_ends_and_its_end_too(bench: Asking) -> None:
+def test_a_question_is_repeated_until_it_ends_and_its_end_too(bench: QuestionBench) -> None:
     (first,) = bench.pass_s(2.0)
     ((plan_id, question),) = first.questions
     assert (plan_id, question.key, question.text) == (
@@ -107,7 +107,7 @@ def test_a_question_is_repeated_until_it_ends_and_its_end_too(bench: Asking) -> 
 
 
 def test_a_question_stays_open_over_suspension_and_restart_and_ends_with_its_plan(
-    bench: Asking,
+    bench: QuestionBench,
 ) -> None:
     (first,) = bench.pass_s(2.0)
     bench.request(SuspendPlan("survey"))
@@ -125,7 +125,7 @@ def test_a_question_stays_open_over_suspension_and_restart_and_ends_with_its_pla
 
 
 @pytest.mark.parametrize("first", ["direct", "relay"])
-def test_an_answer_counts_once_by_whichever_link(bench: Asking, first: str) -> None:
+def test_an_answer_counts_once_by_any_link(bench: QuestionBench, first: str) -> None:
     bench.pass_s(2.0)
     if first == "direct":
         assert isinstance(bench.request(AnswerQuestion("survey", "ditch", "cross")), Accepted)
@@ -141,7 +141,7 @@ def test_an_answer_counts_once_by_whichever_link(bench: Asking, first: str) -> N
     assert bench.status().status is PlanStatus.EXECUTING
 
 
-def test_an_answer_after_the_default_is_refused(bench: Asking) -> None:
+def test_an_answer_after_the_default_is_refused(bench: QuestionBench) -> None:
     bench.pass_s(63.0)
     assert bench.answer_by_relay("cross", 7) == (Stage.REJECTED, Reason.QUESTION_ANSWERED)
     assert bench.answer_by_relay("back", 8) == (Stage.EXECUTED, None)
