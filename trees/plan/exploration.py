@@ -103,7 +103,6 @@ class Exploration:
         self.limits = abstraction.limits
         self.widened: set[str] = set()
         self._names = plan.blackboard.names
-        self._measured = {cell for cell, _ in plan.blackboard.telemetry}
         self._active: dict[int, tuple[int, ...]] = {}
         self._done: set[tuple[int, tuple[int, ...]]] = set()
         self._past: dict[int, float] = {}
@@ -188,12 +187,10 @@ class Exploration:
 
     def telemetry(self, name: str) -> Value:
         """Return any value."""
-        del name
         return ANY
 
     def check_target(self, x_m: float, y_m: float) -> Refusal | None:
         """Accept a motion; `Reachable` is a choice of its own."""
-        del x_m, y_m
         return None
 
     def fault_active(self, name: str) -> bool:
@@ -234,7 +231,6 @@ class Exploration:
 
     def fail_overdue(self, step: PlanStep, allowed_s: float) -> CommandOutcome:
         """Fail a step."""
-        del allowed_s
         self.halt_step(step)
         return CommandOutcome(False, ANY)
 
@@ -245,12 +241,10 @@ class Exploration:
 
     def command_text(self, step: PlanStep) -> str:
         """Return no text."""
-        del step
         return ""
 
     def has_expired(self, node: PlanNode, cycles: tuple[int, ...]) -> bool:
         """Return that no time limit expired before the plan began."""
-        del node, cycles
         return False
 
     def take_answer(self, question: Question) -> str | None:
@@ -262,8 +256,7 @@ class Exploration:
 
     def note_failure(self, node: PlanNode, text: str, unknown: int | None = None) -> None:
         """Note a variable that was not known."""
-        del text
-        if unknown is None or unknown in self._measured or node.kind.name == "WaitFor":
+        if unknown is None or unknown in self._tree.measured or node.kind.name == "WaitFor":
             return
         self.unwritten[unknown, node.location.line] = node
 
