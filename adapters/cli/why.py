@@ -105,7 +105,8 @@ async def _explained_node(client: "MrsClient", name: str) -> Explanation:
         found = explain_node(await client.get_plan_nodes(each.plan_id), name)
         if found is not None:
             return found
-    raise click.UsageError(f"no command and no node of a plan {name[:64]!r}; `rover log` lists all")
+    text = f"{name[:64]!r} is neither NUMBER nor SOURCE:NUMBER, and no node of a plan"
+    raise click.UsageError(f"{text}; `rover log` lists all commands")
 
 
 def _explained(history: RunHistory, command: str | None) -> Explanation:

@@ -65,7 +65,7 @@ def test_the_status_of_a_named_plan_lists_its_nodes(running: Aboard, tmp_path: P
     assert "Sequence/ditch answered turn back" in why
     unknown = CliRunner().invoke(main, ["why", "nothing", *to])
     assert unknown.exit_code == 2
-    assert "no command and no node of a plan 'nothing'" in unknown.output
+    assert "'nothing' is neither NUMBER nor SOURCE:NUMBER, and no node" in unknown.output
     ended = rover("status", "crossing", *to).output
     assert "answered turn back" in ended
     assert ended.count("SUCCESS") == 4
