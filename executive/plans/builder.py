@@ -373,13 +373,10 @@ def check_plan(definition: PlanDefinition, settings: Settings) -> PlanRoot | Ref
 def check_bounds(plan: PlanNode, settings: Settings) -> Refusal | None:
     """Return a refusal if an argument of a plan is outside the bounds of an asset."""
     for step in steps(plan):
-        if step.request is None:
-            continue
-        refusal = check_arguments(step.request, settings, _from(step.request))
-        if refusal is not None:
-            line = step.location.line
-            fault = PlanError(Reason.PLAN_BAD_ARGUMENT, line, refusal.text, refusal.figures)
-            return fault.refusal
+        request, line = step.request, step.location.line
+        if request and (refusal := check_arguments(request, settings, _from(request))):
+            text, figures = refusal.text, refusal.figures
+            return PlanError(Reason.PLAN_BAD_ARGUMENT, line, text, figures).refusal
     return None
 
 
@@ -400,13 +397,11 @@ def read_plan(definition: PlanDefinition) -> PlanRoot | Refusal:
 
 def _read(definition: PlanDefinition) -> PlanRoot:
     if not is_plan_id(definition.plan_id):
-        raise PlanError(
-            Reason.BAD_IDENTIFIER, None, "a plan id has 1 to 64 letters, digits or any of _ . -"
-        )
+        text = "a plan id has 1 to 64 letters, digits or any of _ . -"
+        raise PlanError(Reason.BAD_IDENTIFIER, None, text)
     if definition.format != FORMAT:
-        raise PlanError(
-            Reason.PLAN_FORMAT, None, f"unknown format {definition.format[:40]!r}: use {FORMAT}"
-        )
+        text = f"unknown format {definition.format[:40]!r}: use {FORMAT}"
+        raise PlanError(Reason.PLAN_FORMAT, None, text)
     root = read_xml(definition.content)
     trees = trees_of(root)
     for tree in trees.values():

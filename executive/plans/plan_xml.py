@@ -90,11 +90,8 @@ def read_xml(content: bytes) -> Element:
             many or too deep elements.
     """
     if len(content) > MAX_PLAN_OCTETS:
-        raise PlanError(
-            Reason.PLAN_TOO_LARGE,
-            None,
-            f"{len(content)} octets: a plan has {MAX_PLAN_OCTETS} at most",
-        )
+        text = f"{len(content)} octets: a plan has {MAX_PLAN_OCTETS} at most"
+        raise PlanError(Reason.PLAN_TOO_LARGE, None, text)
     try:
         return _Reader(ParserCreate(_encoding(content))).read(content)
     except (ExpatError, LookupError, ValueError) as error:  # the encoding may be invalid in XML
@@ -129,9 +126,8 @@ class _Reader:
         line = self._parser.CurrentLineNumber
         self._count += 1
         if self._count > MAX_ELEMENTS:
-            raise PlanError(
-                Reason.PLAN_TOO_LARGE, line, f"a plan has {MAX_ELEMENTS} elements at most"
-            )
+            text = f"a plan has {MAX_ELEMENTS} elements at most"
+            raise PlanError(Reason.PLAN_TOO_LARGE, line, text)
         if len(self._open) > MAX_DEPTH:
             raise PlanError(Reason.PLAN_TOO_LARGE, line, f"a plan is {MAX_DEPTH} deep at most")
         element = Element(tag, MappingProxyType(attributes), line)
@@ -203,10 +199,8 @@ def name_of(element: Element, default: str) -> str:
     """
     name = element.attributes.get("name", default)
     if not name or len(name) > MAX_NAME_LENGTH or "/" in name or not name.isprintable():
-        raise element.error(
-            Reason.PLAN_BAD_ARGUMENT,
-            f"name {name[:40]!r}: 1 to {MAX_NAME_LENGTH} printable characters, no slash",
-        )
+        needed = f"1 to {MAX_NAME_LENGTH} printable characters, no slash"
+        raise element.error(Reason.PLAN_BAD_ARGUMENT, f"name {name[:40]!r}: {needed}")
     return name
 
 
@@ -248,29 +242,23 @@ def trees_of(root: Element) -> dict[str, Element]:
             text = f"unknown attribute {quote(name)} of <root>{near}"
             raise root.error(Reason.PLAN_BAD_ARGUMENT, text)
     trees: dict[str, Element] = {}
+    alone = sum(each.tag == "BehaviorTree" for each in root.children) == 1
     for element in root.children:
-        match element.tag:
-            case "BehaviorTree":
-                alone = sum(each.tag == "BehaviorTree" for each in root.children) == 1
-                name = element.attributes.get("ID") or ("Main" if alone else "")
-                if not name or name in trees:
-                    raise element.error(
-                        Reason.PLAN_STRUCTURE, "each <BehaviorTree> needs an ID of its own"
-                    )
-                if len(element.children) != 1:
-                    raise element.error(
-                        Reason.PLAN_STRUCTURE, "a <BehaviorTree> has exactly 1 child"
-                    )
-                trees[name] = element
-            case "TreeNodesModel":
-                pass
-            case "include":
-                text = "<include>: a plan is one file; copy the trees of the other file into it"
-                raise element.error(Reason.PLAN_UNKNOWN_NODE, text)
-            case _:
-                raise element.error(
-                    Reason.PLAN_UNKNOWN_NODE, f"<{element.tag}> does not belong below <root>"
-                )
+        if element.tag == "include":
+            text = "<include>: a plan is one file; copy the trees of the other file into it"
+            raise element.error(Reason.PLAN_UNKNOWN_NODE, text)
+        if element.tag not in {"BehaviorTree", "TreeNodesModel"}:
+            text = f"<{element.tag}> does not belong below <root>"
+            raise element.error(Reason.PLAN_UNKNOWN_NODE, text)
+        if element.tag == "BehaviorTree":
+            name = element.attributes.get("ID") or ("Main" if alone else "")
+            if not name or name in trees:
+                text = "each <BehaviorTree> needs an ID of its own"
+                raise element.error(Reason.PLAN_STRUCTURE, text)
+            if len(element.children) != 1:
+                text = "a <BehaviorTree> has exactly 1 child"
+                raise element.error(Reason.PLAN_STRUCTURE, text)
+            trees[name] = element
     return trees
 
 
