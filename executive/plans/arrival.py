@@ -76,11 +76,13 @@ class _Walk:
     Attributes:
         relative: whether absolute times are passed over, because only durations matter.
         durations: ends of nodes that begin at 0, by their numbers.
+        is_second: whether this is the second cycle of a loop: loops below have only one.
     """
 
     relative: bool = False
     faults: list[TimeFault] = field(default_factory=list)
     durations: dict[int, _Ends] = field(default_factory=dict)
+    is_second: bool = False
 
     def _durations(self, node: PlanNode) -> _Ends:
         found = self.durations.get(node.location.number)
@@ -109,6 +111,10 @@ class _Walk:
         if name in {"WaitFor", "Ask"}:
             allowed_s = node.number("deadline_s") if "deadline_s" in node.ports else inf
             fails = name == "WaitFor" or "default" not in node.ports
+            if not fails and at.early + allowed_s > limit:
+                missed_s = at.early + allowed_s - limit
+                text = f"its default never counts: a time limit ends it {missed_s:.0f} s before"
+                self._fault(node, False, text)
             failure = at.later(allowed_s, allowed_s) if fails else None
             return _Ends(at.later(_TICK_S, allowed_s), failure)
         if name in LOOPS or name.startswith("Loop"):
@@ -156,10 +162,12 @@ class _Walk:
             case _:
                 return found
 
-    def _wait(self, node: PlanNode, at: _Span, _: float) -> _Ends:
+    def _wait(self, node: PlanNode, at: _Span, limit: float) -> _Ends:
         if self.relative:
             return _Ends(at)
         utc_s = node.number("utc")
+        if utc_s > limit:
+            self._fault(node, True, f"a time limit ends it {utc_s - limit:.0f} s before")
         allowed = utc_s + node.number("late_s") if "late_s" in node.ports else inf
         if at.early > allowed:
             self._fault(node, True, f"it is always {at.early - allowed:.0f} s too late")
@@ -229,7 +237,7 @@ class _Walk:
         return _Ends(success, _hull(*(each.failure for each in found)), skipped)
 
     def _loop(self, node: PlanNode, at: _Span, limit: float) -> _Ends:
-        """Return the ends of a loop; only its first cycle is tested for faults."""
+        """Return the ends of a loop; its first two cycles are tested for faults."""
         again = int(node.kind.name == "RetryUntilSuccessful")
         queue = node.ports.get("queue")
         cycles = len(parts_of(queue)) if isinstance(queue, str) else 1
@@ -239,12 +247,23 @@ class _Walk:
         begin, cycle, other = first[again], durations[again], first[1 - again]
         if cycles <= 1 or begin is None or cycle is None:
             return first
+        self._test_second_cycle(node, begin, limit)
         last = begin.later((cycles - 1) * cycle.early, (cycles - 1) * cycle.late)
         failing = durations[1 - again]
         if other is not None and failing is not None:
             late = begin.late + (cycles - 2) * cycle.late + failing.late
             other = _Span(other.early, max(other.late, late))
         return _Ends(other if again else last, last if again else other, first.skipped)
+
+    def _test_second_cycle(self, loop: PlanNode, begin: _Span, limit: float) -> None:
+        if self.relative or self.is_second:
+            return
+        second = _Walk(durations=self.durations, is_second=True)
+        second.ends(loop.children[0], begin, limit)
+        known = {node.location.number for node, _, _ in self.faults}
+        for node, always, text in second.faults:
+            if always and node.location.number not in known:
+                self.faults.append((node, False, f"in the second cycle {text}"))
 
     def _fault(self, node: PlanNode, always: bool, text: str) -> None:
         if not self.relative:

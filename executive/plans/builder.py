@@ -355,7 +355,8 @@ def _check_reads(draft: _Draft) -> None:
 def _remedy(scope: Scope, name: str) -> str:
     if name in TELEMETRY:
         return f": telemetry is @{name}"
-    return suggest(name.removeprefix("@"), [*sorted(scope.used - {name}), *TELEMETRY])
+    known = sorted(scope.used - {name, name.removeprefix("@")})
+    return suggest(name, [*known, *(f"@{each}" for each in TELEMETRY)])
 
 
 def check_plan(definition: PlanDefinition, settings: Settings) -> PlanRoot | Refusal:

@@ -192,6 +192,17 @@ _MAX_AMBIGUOUS_MSEC: Final = 10_000
 """Maximum limit that may be in s by mistake if a step below has a longer deadline, ms; chosen."""
 
 
+def _long_deadline(node: PlanNode) -> Iterator[tuple[Level, str]]:
+    deadline_s = (node.deadline_s or 0.0) if isinstance(node, PlanStep) else 0.0
+    if deadline_s >= _MIN_LONG_S and deadline_s % 1000 == 0:
+        text = f"deadline_s is in s: {deadline_s:g} is {deadline_s / 3600:.1f} h"
+        yield Level.WARNING, f"{text}, write {deadline_s / 1000:g} if ms are meant"
+
+
+_MIN_LONG_S: Final = 10_000
+"""Minimum deadline of a command that may be in ms by mistake, s; chosen."""
+
+
 def _relative(node: PlanNode) -> Iterator[tuple[Level, str]]:
     if node.kind.name in _RELATIVE:
         yield Level.NOTE, f"after a stop the whole of it is done again: {_absolute(node)} is not"
@@ -219,6 +230,7 @@ _RULES: Final[tuple[Rule, ...]] = (
     _rounds,
     _retry,
     _milliseconds,
+    _long_deadline,
     _relative,
     _equal_floats,
 )

@@ -116,6 +116,23 @@ FLAWED = {
         <Sleep msec="3600000"/>
         <WaitUntil utc="{NOON}" late_s="600"/> {HERE}
         {PICTURE}</Sequence>""",
+    "a wait until after its window": f"""<Window until="{NOON}"><Sequence>
+        <WaitUntil utc="{ONE}"/> {HERE}
+        {PICTURE}</Sequence></Window>""",
+    "a question that outlasts its window": f"""<Window from="{NOON}" until="{ONE}"><Sequence>
+        <Ask question="?" options="a;b" default="a" deadline_s="7200" answer="{{path}}"/> {HERE}
+        <Switch2 variable="{{path}}" case_1="a" case_2="b">{DRIVE}{HOME}{PICTURE}</Switch2>
+        </Sequence></Window>""",
+    "a window in a loop": f"""<Repeat num_cycles="3"><Sequence>
+        <Window from="{NOON}" until="{ONE}"> {HERE}
+        {PICTURE}</Window>
+        <Sleep msec="3600000"/></Sequence></Repeat>""",
+    "a time in a loop that is late in the second cycle": f"""<Repeat num_cycles="2"><Sequence>
+        <WaitUntil utc="{NOON}" late_s="60"/> {HERE}
+        {PICTURE}<Sleep msec="600000"/></Sequence></Repeat>""",
+    "milliseconds for the seconds of a deadline": f"""<Sequence>
+        <moveTo x="3" y="0" deadline_s="60000"/> {HERE}
+        {HOME}</Sequence>""",
     "a timeout shorter than its sleep": f"""<Fallback>
         <Timeout msec="60000"> {HERE}
         <Sequence>{PICTURE}<Sleep msec="90000"/></Sequence>
@@ -306,6 +323,13 @@ SOUND = {
         <Sequence><setCameraAngles pan="0" tilt="0" deadline_s="9"/>
         <WaitFor if="@LINK_UP == 1" deadline_s="60"/></Sequence>
         </WhileDoElse></Timeout>""",
+    "attempts in a window": f"""<Window from="{NOON}" until="{ONE}">
+        <RetryUntilSuccessful num_attempts="3"><Sequence>
+        <Ask question="?" options="a;b" default="a" deadline_s="600" answer="{{path}}"/>
+        <Switch2 variable="{{path}}" case_1="a" case_2="b">{DRIVE}{HOME}{PICTURE}</Switch2>
+        </Sequence></RetryUntilSuccessful></Window>""",
+    "a begin that the first round waits for": f"""<Repeat num_cycles="3"><Sequence>
+        <WaitUntil utc="{NOON}"/>{PICTURE}<Sleep msec="600000"/></Sequence></Repeat>""",
     "inverted": f"""<Sequence><Inverter><FaultActive name="battery_low"/></Inverter>
         <Delay delay_msec="5000">{DRIVE}</Delay></Sequence>""",
 }
@@ -321,6 +345,13 @@ def test_a_flawed_plan_has_its_fault_at_its_line(name: str) -> None:
     plan = definition(FLAWED[name])
     found = faults(plan)
     assert line_of(plan) in {each.line for each in found}, found
+
+
+def test_the_remedy_for_a_misspelt_telemetry_is_its_name() -> None:
+    for script in ("@BATTERY_VOLTAGE &gt; 22", "BATTERY_VOLTAGE &gt; 22"):
+        refusal = read_plan(definition(f"<Sequence><ScriptCondition code='{script}'/></Sequence>"))
+        assert isinstance(refusal, Refusal)
+        assert refusal.text.endswith(": did you mean @BATERY_VOLTAGE?")
 
 
 def test_rounds_are_counted_once_with_a_note() -> None:
