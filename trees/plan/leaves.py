@@ -69,9 +69,9 @@ class TimedLeaf(PlanLeaf):
             return self.begin()
         return self.proceed() if self.status is RUNNING else self.status
 
-    @abstractmethod
     def begin(self) -> Answer:
-        """Do the work of the first tick."""
+        """Do the work of the first tick; by default that of each."""
+        return self.proceed()
 
     @abstractmethod
     def proceed(self) -> Answer:
@@ -133,15 +133,8 @@ class CommandLeaf(TimedLeaf):
         assert isinstance(self.plan, PlanStep)
         return self.plan
 
-    def begin(self) -> Answer:
-        """Request the command."""
-        return self._poll()
-
     def proceed(self) -> Answer:
-        """Poll the command; request it again after a suspension."""
-        return self._poll()
-
-    def _poll(self) -> Answer:
+        """Request the command if it is to be given, and poll it."""
         step, port = self.step, self.context.port
         now_s = port.clock.now_s()
         if self.deadline_s is None:
