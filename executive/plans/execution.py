@@ -544,7 +544,7 @@ class PlanExecution:
         self._ended.add(number)
         self.plan.node, self.plan.done = path, len(self._ended & self._leaves)
         if stage is not Stage.EXECUTED:
-            text = f" {reason} ({refusal.text})" if refusal else ""
+            text = f" {reason} ({refusal.text.removeprefix(f'{path}: ')})" if refusal else ""
             self.why = f"{path}: {stage.name}{text}"
             self.records.note_reason(number, reason)
             return CommandOutcome(False, float(reason))

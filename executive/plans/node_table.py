@@ -12,10 +12,11 @@ from executive.plans.model import PlanNode, PlanRoot, nodes, parts_of
 from executive.plans.node_records import NodeDetail, NodeRecord, read_records
 from executive.plans.state import PlanState
 from executive.values.plan_nodes import NodeStatus, PlanNodeReport, Question
-from executive.values.reasons import Reason
+from executive.values.reasons import Reason, UnknownReason
 from executive.values.reports import Identity
 
 _STATUSES: Final[Mapping[str, NodeStatus]] = {each.name[0]: each for each in NodeStatus}
+_REASONS: Final = {each.value: each for each in Reason}
 _ABSOLUTE: Final = {"WaitUntil", "WaitFor", "Window", "Ask"}
 """Nodes with times that continue while the plan is suspended."""
 
@@ -30,6 +31,11 @@ def question_of(node: PlanNode, until_utc_s: float | None) -> Question:
         default if isinstance(default, str) else None,
         until_utc_s,
     )
+
+
+def _reason(number: int) -> Reason | UnknownReason | None:
+    """Return a stored reason; another version may have stored it."""
+    return (_REASONS.get(number) or UnknownReason(number)) if number else None
 
 
 def node_reports(
@@ -63,7 +69,7 @@ def node_reports(
                 _STATUSES[record.result] if record.result else None,
                 record.since_utc_s or None,
                 record.tries,
-                Reason(record.reason) if record.reason else None,
+                _reason(record.reason),
                 record.text,
                 detail.unknown,
                 record.decision,

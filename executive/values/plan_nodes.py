@@ -7,7 +7,7 @@ from typing import Final
 from executive.values.reasons import Reason, UnknownReason
 from executive.values.reports import Identity
 
-DECISIONS: Final = ("took ", "skipped", "ended", "answered ")
+DECISIONS: Final = ("took ", "skipped", "ended", "answered ", "begins again")
 """Begins of the texts of decisions."""
 
 

@@ -334,9 +334,13 @@ class PlanBehaviour(Behaviour):
         self.forced, self._guarded = None, bool(self._conditions)
         self.context.port.on_forced(self.plan, steering)
         if steering is Steering.RETRY:
+            self.decide(steering, "begins again: requested by an operator")
             return None
         self.decide(steering, f"skipped with {steering.name}: requested by an operator")
-        return SUCCESS if steering is Steering.SUCCESS else FAILURE
+        self._last = SUCCESS if steering is Steering.SUCCESS else FAILURE
+        if (records := self.context.records) is not None:  # it has not begun: no try
+            records.note(self.plan, False, _RESULTS[self._last], self.context.port.why)
+        return self._last
 
     def _precondition(self) -> Answer | None:
         conditions = self._conditions

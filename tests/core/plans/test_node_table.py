@@ -112,6 +112,33 @@ def test_the_table_survives_a_kill(bench: PlanBench) -> None:
     }
 
 
+def test_a_branch_is_shown_after_a_restart(bench: PlanBench) -> None:
+    rest = f"<Sequence><Sleep msec='60000'/>{AHEAD}</Sequence>"
+    bench.begin(f'<Fallback name="there">{TOO_LATE}{rest}</Fallback>', 3.0)
+    (before,) = (each.message for each in bench.nodes() if each.name == "there")
+    assert before == "took the second branch Sequence: moveForward was CANCELLED 761 (not done" + (
+        " within 1 s)"
+    )
+    bench.crash()
+    bench.step()
+    bench.request(ResumePlan("survey"))
+    bench.run(0.5)
+    assert [each.message for each in bench.nodes() if each.name == "there"] == [before]
+
+
+def test_a_skipped_node_has_not_begun_and_a_retried_one_begins_again(bench: PlanBench) -> None:
+    bench.begin(f'<Sequence name="all">{AHEAD}{BACK}</Sequence>')
+    bench.request(SkipNode("survey", "back", "FAILURE"))
+    bench.request(RetryNode("survey", "moveForward"))
+    bench.run(0.5)
+    ahead = table(bench)["moveForward"]
+    assert (ahead.tries, ahead.decision) == (2, "begins again: requested by an operator")
+    assert bench.until(PlanStatus.COMPLETED, PlanStatus.FAILED) is PlanStatus.FAILED
+    back = table(bench)["back"]
+    assert (back.tries, back.result, back.command) == (0, NodeStatus.FAILURE, None)
+    assert back.decision == "skipped with FAILURE: requested by an operator"
+
+
 @pytest.mark.at_length
 def test_a_contingent_run_is_replayed_bit_for_bit(tmp_path: Path) -> None:
     """An answer, a skip, a retry, a wait for telemetry, a branch, a suspension and a kill."""
