@@ -45,6 +45,7 @@ from adapters.console.requests import (
     FileStore,
     MapRequests,
     OperationRequests,
+    PlanCheckRequests,
     PlanRequests,
     SharedObjectRequests,
     Stops,
@@ -286,6 +287,7 @@ async def _serving(
     routes = [
         *OperationRequests(commanding, stops, desk).routes(),
         *DraftRequests(commanding).routes(),
+        *PlanCheckRequests(commanding).routes(),
         *PlanRequests(commanding, archive).routes(),
         *ExplanationRequests(commanding, recordings).routes(),
         *MapRequests(commanding).routes(),

@@ -12,6 +12,7 @@ from adapters.console.requests.drafts import PlanDraft, PlanNodeEntry, PlanTempl
 from adapters.console.requests.explaining import ExplanationBody
 from adapters.console.requests.files import FileEntry
 from adapters.console.requests.map_requests import RouteStep
+from adapters.console.requests.plan_checks import DraftCheck
 from adapters.console.rovers.dictionary import AssetEntry
 from adapters.mrs.spec import Preview
 from tests.docs.pages import CHECKOUT
@@ -19,7 +20,7 @@ from tests.docs.pages import CHECKOUT
 FILE: Final = CHECKOUT / "adapters" / "console" / "static" / "app" / "model" / "messages.d.ts"
 ANSWERS: Final = (
     *(AssetEntry, FileEntry, PlanRevision, Preview, ExplanationBody, RouteStep),
-    *(PlanDraft, PlanTemplate, PlanNodeEntry),
+    *(PlanDraft, PlanTemplate, PlanNodeEntry, DraftCheck),
 )
 PLAIN: Final = {Any: "any", NoneType: "null", bool: "boolean", str: "string"} | dict.fromkeys(
     (int, float), "number"

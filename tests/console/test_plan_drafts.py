@@ -8,6 +8,7 @@ from adapters.console.requests.drafts import templates
 from executive.settings import config_folder
 from tests.console.consoles import JsonMessage, Operator, at_console
 from tests.mrs.aboard import Aboard
+from tests.support.examples import ALL
 from tests.support.plans import AHEAD, xml
 
 TRAVERSE = [
@@ -101,6 +102,39 @@ async def test_steps_are_written_read_back_and_previewed(rover: Aboard, tmp_path
         while (draft := await drafted(anna, True, steps=TRAVERSE))["preview"] is not None:
             pass
         assert "cannot be reached" in draft["not_previewed"]
+
+
+async def test_drafts_are_checked_proved_and_tried_by_the_rover(
+    rover: Aboard, tmp_path: Path
+) -> None:
+    async with at_console(tmp_path, rover.uri, "anna") as (anna,):
+        await anna.page.is_up()
+
+        async def check(level: str, **body: Any) -> JsonMessage:
+            sent = {"plan": "traverse", "level": level} | body
+            status, answer = await anna.post("api/plans/jackal/check", **sent)
+            assert status == 200, answer
+            return answer
+
+        twice = "<ReactiveSequence><AlwaysSuccess/><Sequence/></ReactiveSequence>"
+        refused = await check("check", xml=xml(twice).decode())
+        assert refused["verdict"] == "refused"
+        assert "Sequence needs at least 1 child" in refused["refusal"]
+        proved = await check("prove", steps=TRAVERSE)
+        assert (proved["verdict"], proved["limits"], proved["findings"]) == ("proved", [], [])
+        assert proved["states"] > 3
+        limited = await check("prove", xml=xml(f"<Repeat num_cycles='9'>{AHEAD}</Repeat>").decode())
+        assert limited["verdict"] == "no fault found"
+        assert "cycles" in limited["limits"][0]
+        if ALL:  # ten seconds of a core
+            tried = await check("try", steps=TRAVERSE[:1], draws=1)
+            assert (tried["verdict"], tried["trial"]["draws"]) == ("tried", 1)
+        for body, field in (
+            ({"level": "guess"}, "level"),
+            ({"level": "check", "draws": 3}, "draws"),
+        ):
+            status, answer = await anna.post("api/plans/jackal/check", plan="a", steps=[], **body)
+            assert (status, answer["field"]) == (422, field)
 
 
 def test_the_plans_of_the_configuration_are_templates() -> None:

@@ -166,6 +166,20 @@ async def test_waits_questions_and_conditions_are_steps(launch: Launch, tmp_path
         await expect(steps(page).nth(2)).to_contain_text("skip if choice != 'cross'")
         assert await steps(page).all_inner_texts() == shown
 
+        checks = page.get_by_test_id("plan-checks")
+        await steps(page).nth(2).get_by_role("button", expanded=False).click()
+        await page.get_by_label("step skip if").fill("choice != 'cros'")
+        await page.get_by_role("button", name="check", exact=True).click()
+        await expect(checks).to_contain_text("check: probable faults")
+        await expect(steps(page).nth(2).locator("> .finding")).to_contain_text("mean cross?")
+        await is_accessible(page)
+        await page.screenshot(path=ARTIFACTS / "console-plan-check.png")
+        await page.get_by_label("step skip if").fill("choice != 'cross'")
+        await expect(checks).to_be_hidden()
+        await expect(steps(page).nth(2).locator("> .finding")).to_be_empty()
+        await page.get_by_role("button", name="prove", exact=True).click()
+        await expect(checks).to_contain_text(re.compile("prove: proved, [0-9]+ states"))
+
 
 async def test_nodes_of_a_running_plan_are_shown_and_steered(
     launch: Launch, tmp_path: Path

@@ -17,6 +17,7 @@ from adapters.console.requests.map_requests import MapRequests as MapRequests
 from adapters.console.requests.objects import PlanRequests as PlanRequests
 from adapters.console.requests.objects import SharedObjectRequests as SharedObjectRequests
 from adapters.console.requests.operations import OperationRequests as OperationRequests
+from adapters.console.requests.plan_checks import PlanCheckRequests as PlanCheckRequests
 from adapters.console.requests.stops import Stops as Stops
 from adapters.console.requests.transfers import Transfers as Transfers
 from adapters.console.requests.video import VideoRequests as VideoRequests

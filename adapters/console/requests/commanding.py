@@ -192,6 +192,7 @@ class Commanding:
         asset: str,
         request: Callable[[MrsClient], Awaitable[T]],
         refusal: HTTPStatus = HTTPStatus.NOT_IMPLEMENTED,
+        timeout_s: float = QUERY_TIMEOUT_S,
     ) -> T:
         """Return the answer of an asset to a query.
 
@@ -200,7 +201,7 @@ class Commanding:
                 reached, or does not answer in time.
         """
         try:
-            async with asyncio.timeout(QUERY_TIMEOUT_S):
+            async with asyncio.timeout(timeout_s):
                 return await request(self.client(asset))
         except MalError as error:
             late = error.number == StandardError.DELIVERY_TIMEDOUT.value

@@ -166,7 +166,7 @@ class DraftRequests:
 
     async def _draft(self, request: web.Request) -> web.Response:
         asset, body = request.match_info["asset"], await body_of(request)
-        definition = _definition_of(body)
+        definition = definition_of(body)
         settings, root = self._commanding.settings(asset), read_plan(definition)
         refusal: Refusal | None
         steps: tuple[DraftStep, ...] | None = None
@@ -265,7 +265,7 @@ def templates(folder: Path) -> list[PlanTemplate]:
     return found
 
 
-def _definition_of(body: dict[str, Any]) -> PlanDefinition:
+def definition_of(body: dict[str, Any]) -> PlanDefinition:
     """Return the plan of a body with its XML or its steps.
 
     Raises:

@@ -285,6 +285,8 @@ class RoverLink:
                 self._on_received()
                 self._set_state(LinkState.UP, "")
                 self._listener.on_status(self, status)
+                if self.kind is LinkKind.RELAY and status.activePlan is not None:
+                    self._plans[status.activePlan] = PlanStatus.EXECUTING  # it has a question
                 if began_s - measured_s >= MEASURED_S:
                     measured_s = began_s
                     self._report_link_figures(status, requested_s, round_trip_s)
@@ -324,7 +326,10 @@ class RoverLink:
         self._plans[update.plan_id] = update.status
 
     async def _poll_questions(self, client: MrsClient) -> None:
-        """Poll the nodes of plans with questions, which are not published."""
+        """Poll the nodes of plans with questions, which are not published.
+
+        An orbiter knows the open questions only, and names the plan of the first one.
+        """
         self._plans = {each.plan_id: each.status for each in await self._known_plans(client)}
         without: set[str] = set()
         while True:
@@ -339,7 +344,9 @@ class RoverLink:
                     _LOG.debug("%s: no nodes of %s: %s", self.asset, plan_id, error)
                     nodes = ()
                 self._listener.on_plan_nodes(self, plan_id, nodes)
-                if status in FINAL_STATUSES or not any(each.kind == QUESTION for each in nodes):
+                if self.kind is LinkKind.RELAY and not nodes:
+                    del self._plans[plan_id]
+                elif status in FINAL_STATUSES or not any(each.kind == QUESTION for each in nodes):
                     without.add(plan_id)
             await asyncio.sleep(STATUS_S)
 

@@ -52,4 +52,9 @@
 /** A draft with its check and its preview. */ export type PlanDraft = { plan: string; xml: string; steps: DraftStep[] | null; not_steps: string | null; outline: OutlineNode[]; problem: DraftProblem | null; preview: PlanPreview | null; not_previewed: string | null };
 /** A plan of the configuration. */ export type PlanTemplate = { name: string; about: string; xml: string };
 /** A node of a plan aboard, with its progress; `text` is why it failed last. */ export type PlanNodeEntry = { path: string; name: string; kind: string; depth: number; text: string; line: number; status: string; result: string | null; since: number | null; tries: number; code: number | null; unknown: string; decision: string; next: number | null; has_question: boolean; command: string | null };
+/** A probable fault of a draft, or a note on it. */ export type DraftFinding = { level: string; line: number; step: number | null; node: string; text: string };
+/** The values of a quantity in simulated runs. */ export type TrialFigure = { name: string; unit: string; low: number; median: number; high: number; draws: number };
+/** How often the plan took a branch. */ export type TrialBranch = { node: string; line: number; choice: string; draws: number };
+/** Summary of simulated runs of a plan. */ export type PlanTrial = { draws: number; successes: number; successLow: number; successHigh: number; figures: TrialFigure[]; branches: TrialBranch[]; worst: string | null };
+/** Result of a check of a draft by the rover. */ export type DraftCheck = { verdict: string; refusal: string | null; states: number | null; limits: string[]; findings: DraftFinding[]; trial: PlanTrial | null };
 export type Message = (Hello | Sample | TreeState | Transfer | SamplesDropped | CommandStatus | StopStatus | AuthorityMessage | NotificationMessage | AlarmStatus | LinkStatus | AssetState | PlanProgress | QuestionStatus | FileChanged | Presence | DictionaryChanged | ObjectChanged) & { seq?: number };

@@ -19,6 +19,8 @@ export class PlanSteps extends View {
   #rows = new WeakMap();
   /** @type {(index: number) => string} the state of a step aboard: done, active, held or empty */
   stateOf = () => "";
+  /** @type {(index: number) => string[]} the findings of a check at a step */
+  findingsAt = () => [];
   /** @type {((step: PlanStep) => void) | null} resumes the plan at a step; null unless it is suspended */
   resumeAt = null;
 
@@ -105,12 +107,14 @@ class StepRow {
   #down = button("▼", "", () => this.#move(1));
   #remove = button("×", "", () => this.#list.plan.remove(this.#step));
   #problem = html("p", { className: "problem" });
+  #findings = html("p", { className: "finding" });
   #fieldBox = html("div", { className: "fields" });
   element = html(
     "li",
     { className: "step" },
     html("div", { className: "head" }, this.handle, this.#choose, this.#figures, this.#resume, this.#up, this.#down, this.#remove),
     this.#problem,
+    this.#findings,
     this.#fieldBox,
   );
 
@@ -147,6 +151,7 @@ class StepRow {
     setText(this.#arguments, [name && draft.entry.name, argumentSummary({ name: draft.entry.name, args: draft.values }, asset), ...guards].filter(Boolean).join("  "));
     setText(this.#figures, preview && !objection ? figuresOf(preview) : "");
     setText(this.#problem, objection);
+    setText(this.#findings, this.#list.findingsAt(index).join("\n"));
     set(this.#choose, { "aria-expanded": isSelected });
     for (const [each, act] of /** @type {const} */ ([[this.#up, "move up"], [this.#down, "move down"], [this.#remove, "remove"]])) set(each, { "aria-label": `${act} step ${index + 1}`, title: act });
     this.#up.disabled = index === 0;

@@ -8,6 +8,7 @@ import { fetchJson, newId } from "../model/connection.js";
 import { PlanLibrary } from "../model/plan_library.js";
 import { predictionText } from "./command_form.js";
 import { MapView } from "./map.js";
+import { PlanChecks } from "./plan_checks.js";
 import { PlanNodes } from "./plan_nodes.js";
 import { PlanSteps } from "./plan_steps.js";
 import { button, html, reconcile, setText, set, tableHead } from "../dom.js";
@@ -51,6 +52,7 @@ export class PlansView extends View {
   #mapBox = html("div", { className: "map-box" });
   #steps = new PlanSteps(this);
   #nodes = new PlanNodes(this);
+  #checks = new PlanChecks(this);
   /** plan aboard with its nodes shown instead of the plan in preparation */
   #shownAboard = "";
   #aboard = button("", "return to the plan in preparation", () => this.#showAboard(""));
@@ -88,6 +90,7 @@ export class PlansView extends View {
         html("div", { className: "scroll", tabIndex: 0 }, this.#aboard, this.#steps.root, this.#notSteps, this.#nodes.root, this.#xml),
         this.#steps.adders,
         this.#check,
+        this.#checks.root,
         html("div", { className: "buttons" }, this.#submit, this.#acts, this.#hindrance),
         this.#outcome,
       ),
@@ -102,6 +105,8 @@ export class PlansView extends View {
     this.#library.refresh();
     this.#steps.stateOf = (index) => this.#stateOf(index);
     this.#nodes.onRead = draw;
+    this.#steps.findingsAt = (index) => this.#checks.check.atStep(index);
+    this.#nodes.findingsAt = (line) => (this.#shownAboard ? [] : this.#checks.check.atLine(line));
     this.#nodes.steer = (act, args) => this.#send("/api/commands", { asset: asset.name, name: act, args });
     const onMode = () => {
       if (mode === asset.mode) return;
@@ -112,6 +117,8 @@ export class PlansView extends View {
       MapView.mount(this.#mapBox, /** @type {any} */ ({ ...this, draft: plan })),
       ...this.#steps.start(),
       ...this.#nodes.start(),
+      ...this.#checks.start(),
+      this.#checks.check.on(draw),
       plan.on(draw),
       this.#library.on(draw),
       ...["plans", "links", "commands"].map((topic) => asset.on(topic, draw)),
@@ -275,6 +282,8 @@ export class PlansView extends View {
     this.#nodes.show(aboard || (this.#ownProgress && !showsOutline ? plan.name : ""), showsOutline ? plan.outline : []);
     this.#nodes.root.hidden = !aboard && !showsOutline;
     this.#nodes.draw();
+    this.#checks.root.hidden = aboard !== "";
+    this.#checks.draw();
     this.#drawCheck();
     this.#drawButtons(progress);
     this.#drawOutcome();
