@@ -16,6 +16,7 @@ class CellTable:
     """The cells of one plan.
 
     Attributes:
+        names: name of each cell, after the path of its tree.
         texts: text of each cell that begins with a value.
         telemetry: name of the telemetry in a cell.
         created: cells that a node or a script creates, beside their initial value.
@@ -26,19 +27,18 @@ class CellTable:
         self.telemetry: dict[int, str] = {}
         self.created: set[int] = set()
         self.changed: set[int] = set()
-        self._names: list[str] = []
-        self._initial: list[Value | None] = []
+        self.names: list[str] = []
 
     def add(self, name: str, text: str | None = None) -> int:
         """Add a cell, with its initial text if any; return its number."""
-        self._names.append(name)
+        self.names.append(name)
         self.texts.append(text)
-        self._initial.append(None if text is None else value_of(text))
-        return len(self._names) - 1
+        return len(self.names) - 1
 
-    def name(self, cell: int) -> str:
-        """Return the name of a cell."""
-        return self._names[cell]
+    @property
+    def initial(self) -> tuple[Value | None, ...]:
+        """The value of each cell when the plan begins."""
+        return tuple(None if text is None else value_of(text) for text in self.texts)
 
     def constant(self, cell: int) -> str | None:
         """Return the text of a cell that nothing changes; None for all others."""
@@ -50,16 +50,14 @@ class CellTable:
 
     def types(self) -> Types:
         """Return the types of the cells as far as their initial values determine them."""
-        found: Types = [None if value is None else type_of(value) for value in self._initial]
+        found: Types = [None if value is None else type_of(value) for value in self.initial]
         for cell in self.telemetry:
             found[cell] = NUMBER
         return found
 
     def blackboard(self) -> Blackboard:
         """Return the cells as the plan begins."""
-        return Blackboard(
-            tuple(self._names), tuple(self._initial), tuple(sorted(self.telemetry.items()))
-        )
+        return Blackboard(tuple(self.names), self.initial, tuple(sorted(self.telemetry.items())))
 
 
 class Scope:

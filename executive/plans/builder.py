@@ -332,7 +332,7 @@ def _unite(draft: _Draft, port: str, kind: ValueType, types: Types) -> None:
     if port not in draft.texts:
         return
     cell = draft.scope.resolve(variable(draft.texts[port], port) or draft.texts[port])
-    before, name = types[cell], draft.scope.cells.name(cell)
+    before, name = types[cell], draft.scope.cells.names[cell]
     if before is not None and before is not kind:
         text = f"{port}: {name} is {before.value}, and gets {kind.value}: use another name"
         raise ArgumentError(text)

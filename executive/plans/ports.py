@@ -62,7 +62,7 @@ def _literal(name: str, text: str, scope: Scope) -> str | CellReference:
     if constant is not None:
         return check_length(name, constant)
     if not scope.cells.has_value(cell):
-        outer = scope.cells.name(cell).rpartition("/")[2]
+        outer = scope.cells.names[cell].rpartition("/")[2]
         remapped = "" if outer == wanted else f", which is {{{outer[:40]}}} above"
         remedy = f"set it before, or give --arg {outer[:40]}=VALUE"
         raise ArgumentError(f"{name}: no value given for {{{wanted[:40]}}}{remapped}: {remedy}")

@@ -1,6 +1,6 @@
 """The nodes of a plan with one child: loops, limits of time, forced results, conditions."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import inf
 from typing import Final
 
@@ -48,23 +48,26 @@ class SubTree(PlanDecorator):
         return self.nodes[0].execute()
 
 
-_RESULTS: Final = {
-    "Inverter": (FAILURE, SUCCESS),
-    "ForceSuccess": (SUCCESS, SUCCESS),
-    "ForceFailure": (FAILURE, FAILURE),
+_RESULTS: Final[Mapping[str, Mapping[Answer, Answer]]] = {
+    "Inverter": {SUCCESS: FAILURE, FAILURE: SUCCESS},
+    "ForceSuccess": {FAILURE: SUCCESS},
+    "ForceFailure": {SUCCESS: FAILURE},
+    "KeepRunningUntilFailure": {SUCCESS: RUNNING, SKIPPED: RUNNING},
 }
+"""Results by the answer of the child, where they differ."""
 
 
 class MappedResult(PlanDecorator):
-    """`Inverter`, `ForceSuccess`, `ForceFailure`: give another result than their child."""
+    """Gives another result than its child: `Inverter`, `ForceSuccess`, `ForceFailure`.
+
+    `KeepRunningUntilFailure` begins its child again in the next tick.
+    """
 
     def run(self) -> Answer:
         """Tick the child, and map its result."""
         self.status = RUNNING
         answer = self.nodes[0].execute()
-        if answer is RUNNING or answer is SKIPPED:
-            return answer
-        result = _RESULTS[self.plan.kind.name][answer is FAILURE]
+        result = _RESULTS[self.plan.kind.name].get(answer, answer)
         if result is FAILURE and answer is SUCCESS:
             self.context.port.note_failure(self.plan, f"{self.nodes[0].name} succeeded")
         return result
@@ -109,16 +112,6 @@ class LoopDecorator(PlanDecorator):
                 return RUNNING
         self.count = 0
         return self.again
-
-
-class RunUntilFailure(PlanDecorator):
-    """`KeepRunningUntilFailure`: one cycle each tick."""
-
-    def run(self) -> Answer:
-        """Tick the child."""
-        self.status = RUNNING
-        answer = self.nodes[0].execute()
-        return FAILURE if answer is FAILURE else RUNNING
 
 
 class RunOnce(PlanDecorator):

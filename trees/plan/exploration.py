@@ -31,7 +31,7 @@ from executive.values.clock import Clock, ManualClock
 from executive.values.plan_nodes import Question
 from executive.values.reasons import Refusal
 from trees.plan.controls import Switch
-from trees.plan.decorators import QueueLoop, RunUntilFailure
+from trees.plan.decorators import QueueLoop
 from trees.plan.leaves import PlanLeaf
 from trees.plan.node import FAILURE, RUNNING, SUCCESS, Answer, PlanBehaviour
 from trees.plan.tree import NODES, NodeClass, PlanTree
@@ -282,8 +282,8 @@ class _Explored(PlanBehaviour):
         answer: Answer = super().run()  # type: ignore[safe-super]
         if answer is SUCCESS:
             exploration.succeeded.add(self.number)
-        is_loop = isinstance(self, QueueLoop | RunUntilFailure)
-        if is_loop and self.nodes[0].status is not RUNNING:
+        repeats = isinstance(self, QueueLoop) or self.plan.kind.name == "KeepRunningUntilFailure"
+        if repeats and self.nodes[0].status is not RUNNING:
             exploration.forget(self.plan)
         return answer
 
