@@ -1,9 +1,8 @@
 """Texts of attributes as values: numbers with units, times, choices, waypoints."""
 
 import re
+from calendar import monthrange, timegm
 from collections.abc import Iterable, Mapping
-from contextlib import suppress
-from datetime import datetime
 from difflib import get_close_matches
 from enum import Enum
 from itertools import islice
@@ -20,6 +19,11 @@ without a bound one plan could block the core, and with it a stop, for minutes."
 MAX_WAYPOINTS: Final = 200
 """Maximum number of waypoints of one leaf; the asset's own bound is lower."""
 
+_TIME: Final = re.compile(
+    r"(\d{4})-(\d\d)-(\d\d)[T ](\d\d):(\d\d)(?::(\d\d))?"
+    r"(?:Z|(?P<sign>[+-])(?P<hours>\d\d):?(?P<minutes>\d\d))",
+    re.ASCII,
+)
 _COUNT: Final = re.compile(r"[+-]?[0-9]{1,9}")
 _MAX_QUOTED_LENGTH: Final = 40
 """Maximum length in characters of an invalid word that is compared and quoted."""
@@ -87,13 +91,21 @@ def utc(name: str, text: str) -> float:
     Raises:
         ArgumentError: it is no such time.
     """
-    with suppress(ValueError):
-        moment = datetime.fromisoformat(text.strip())
-        if moment.tzinfo is not None and moment.year >= 1970:
-            return moment.timestamp()
-    if not isinstance(seconds := value_of(text.strip()), str):
-        return seconds
+    found = _TIME.fullmatch(text.strip())
+    if found is None:
+        if not isinstance(seconds := value_of(text.strip()), str):
+            return seconds
+    elif _is_date(*(figures := [int(each or 0) for each in found.groups()[:6]])):
+        sign = -1 if found["sign"] == "-" else 1
+        ahead_s = sign * (int(found["hours"] or 0) * 3600 + int(found["minutes"] or 0) * 60)
+        return float(timegm((*figures, 0, 0, 0)) - ahead_s)
     raise ArgumentError(f"{name} {text[:40]!r}: a time as 2026-11-27T09:00:00Z is needed")
+
+
+def _is_date(year: int, month: int, day: int, hour: int, minute: int, second: int) -> bool:
+    if not (1970 <= year <= 9999 and 1 <= month <= 12 and 1 <= day <= monthrange(year, month)[1]):
+        return False
+    return hour < 24 and minute < 60 and second < 60
 
 
 def choice(name: str, text: str, choices: Mapping[str, T]) -> T:
