@@ -65,7 +65,11 @@ def read_records(text: str) -> tuple[dict[int, NodeRecord], dict[int, NodeDetail
 def _encoded(record: NodeRecord, has_texts: bool = True) -> str:
     fields: list[Any] = list(record[:5])
     if has_texts and (record.text or record.decision):
-        fields += [record.text[:MAX_TEXT_LENGTH], record.decision[:MAX_TEXT_LENGTH]]
+        why = record.text
+        if len(why) > MAX_TEXT_LENGTH:  # the reason is worth more than the path before it
+            path, separator, text = why.partition(": ")
+            why = f"{path.rpartition('/')[2]}{separator}{text}"
+        fields += [why[:MAX_TEXT_LENGTH], record.decision[:MAX_TEXT_LENGTH]]
     return json.dumps(fields, separators=(",", ":"))
 
 

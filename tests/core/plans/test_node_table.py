@@ -10,10 +10,13 @@ import pytest
 from adapters.recording import RunFile
 from adapters.recording.replay import replay
 from executive.commands import AnswerQuestion, ResumePlan, RetryNode, SkipNode, SuspendPlan
+from executive.plans import NodeRecords, nodes, read_plan
+from executive.plans.node_records import read_records
+from executive.values.clock import ManualClock
 from executive.values.plan_nodes import NodeStatus, PlanNodeReport
 from executive.values.reasons import Reason, Refusal
 from executive.values.reports import Identity, PlanStatus
-from tests.support.plans import AHEAD, TOO_LATE, PlanBench
+from tests.support.plans import AHEAD, TOO_LATE, PlanBench, plan
 
 BACK = '<moveForward name="back" distance="1" deadline_s="60"/>'
 
@@ -137,6 +140,23 @@ def test_a_skipped_node_has_not_begun_and_a_retried_one_begins_again(bench: Plan
     back = table(bench)["back"]
     assert (back.tries, back.result, back.command) == (0, NodeStatus.FAILURE, None)
     assert back.decision == "skipped with FAILURE: requested by an operator"
+
+
+def test_records_of_long_failures_stay_small_and_have_their_reasons() -> None:
+    names = "".join(f'<AlwaysFailure name="{"n" * 70}{n}"/>' for n in range(480))
+    root = read_plan(plan(f"<Sequence>{AHEAD}<Fallback>{names}</Fallback></Sequence>"))
+    assert not isinstance(root, Refusal), root
+    clock = ManualClock()
+    records = NodeRecords("", clock)
+    for node in nodes(root):
+        clock.advance(1.0)
+        records.note(node, True, "F", f"{'path/' * 99}{node.location.name}: {'w' * 150}")
+    text = records.encoded(())
+    assert len(text) < 100_000
+    found, _ = read_records(text)
+    assert len(found) == 484
+    assert found[483].text == f"{'n' * 70}479: {'w' * 150}"
+    assert (found[1].text, found[1].result, found[1].tries) == ("", "F", 1)
 
 
 @pytest.mark.at_length
