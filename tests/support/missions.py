@@ -114,6 +114,7 @@ class Mission:
         name: the name of its file.
         begin: when it is activated, in UTC.
         shortened: a text of the plan, and the one instead of it, so that a run is short.
+        folder: that of its file.
     """
 
     name: str
@@ -121,11 +122,12 @@ class Mission:
     nominal: Scene
     fault: Scene
     shortened: tuple[str, str] = ("", "")
+    folder: Path = FOLDER
 
     @property
     def text(self) -> str:
         """The text of the plan."""
-        return (FOLDER / f"{self.name}.xml").read_text("utf-8").replace(*self.shortened)
+        return (self.folder / f"{self.name}.xml").read_text("utf-8").replace(*self.shortened)
 
 
 @dataclass(slots=True)
@@ -323,6 +325,11 @@ def run_mission(mission: Mission, scene: Scene, folder: Path) -> MissionRun:
             bench.track,
             bench.motion,
         )
+
+
+def charge(ratio: float) -> Callable[[MissionBench], object]:
+    """Return an event after which the battery reports a charge."""
+    return lambda bench: setattr(bench, "charge_ratio", ratio)
 
 
 def voltage(value_v: float) -> Callable[[MissionBench], object]:
