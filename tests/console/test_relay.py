@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from executive.commands import MoveForward
+from executive.values.plan_nodes import Question
 from tests.console.conftest import Launch
 from tests.console.consoles import ALL, LIMIT_S, at_console
 from tests.relay.orbiter.sky import (
@@ -169,3 +170,22 @@ async def test_a_rover_that_is_known_by_the_relay_is_found_by_a_service_layer_to
         assert (await anna.page.is_up())["link"] == "relay"
         launch("jackal", service_layer=scout.uri)
         assert (await anna.page.is_up())["link"] == "direct"
+
+
+async def test_a_question_of_a_plan_is_known_through_the_orbiter(tmp_path: Path) -> None:
+    sky, clock = Sky(tmp_path, "jackal"), Clock()
+    question = Question("plan:survey/ditch", "cross?", ("cross", "back"), "back", 1.9e9)
+    topics = (*ALL, "question")
+    async with (
+        orbiting(sky, clock) as (_, (station,)),
+        landed(sky, "jackal") as far,
+        at_console(tmp_path, str(station.uri), "anna", topics=topics) as (anna,),
+    ):
+        await anna.page.is_up()
+        await far.question(100.0, survey=question)
+        opened = await anna.page.until(lambda each: each["ty"] == "question")
+        assert (opened["plan"], opened["question"]) == ("survey", question.key)
+        assert (opened["options"], opened["until"]) == (["cross", "back"], 1.9e9)
+        await far.question(130.0)
+        ended = await anna.page.until(lambda each: each["ty"] == "question")
+        assert ended == opened | {"end": "", "seq": ended["seq"]}

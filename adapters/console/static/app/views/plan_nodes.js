@@ -49,9 +49,9 @@ export class PlanNodes extends View {
     this.read();
   }
 
-  /** The status of a node of the watched plan; empty if unknown. @param {string} path */
-  statusOf(path) {
-    return (this.watched && this.nodes.find((each) => each.path === path)?.status) || "";
+  /** The progress of a node of the watched plan; undefined if unknown. @param {string} path @returns {ShownNode | undefined} */
+  nodeAt(path) {
+    return this.watched ? this.nodes.find((each) => each.path === path && each.status) : undefined;
   }
 
   /** Read the nodes of the plan aboard. */

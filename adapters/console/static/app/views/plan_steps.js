@@ -10,14 +10,14 @@ import { duration } from "../format.js";
 
 /** Commands with a button of their own; all others are in a list. */
 const FREQUENT = ["takePicture", "setCameraAngles"];
-const MARKS = { done: "✓", active: "▶", held: "‖" };
+const MARKS = { done: "✓", failed: "✗", active: "▶", held: "‖" };
 
 export class PlanSteps extends View {
   /** @type {PlanStep | null} the step that is being dragged */
   #dragged = null;
   /** @type {WeakMap<Element, StepRow>} */
   #rows = new WeakMap();
-  /** @type {(index: number) => string} the state of a step aboard: done, active, held or empty */
+  /** @type {(index: number) => string} the state of a step aboard: done, failed, active, held or empty */
   stateOf = () => "";
   /** @type {(index: number) => string[]} the findings of a check at a step */
   findingsAt = () => [];
@@ -156,7 +156,7 @@ class StepRow {
     for (const [each, act] of /** @type {const} */ ([[this.#up, "move up"], [this.#down, "move down"], [this.#remove, "remove"]])) set(each, { "aria-label": `${act} step ${index + 1}`, title: act });
     this.#up.disabled = index === 0;
     this.#down.disabled = index === plan.steps.length - 1;
-    this.#resume.hidden = !resumeAt || state === "done";
+    this.#resume.hidden = !resumeAt || ["done", "failed"].includes(state);
     if (!isSelected) this.#clearFields();
     else if (this.#typed !== draft.typed) this.#makeFields();
     for (const field of this.#fields) field.render(draft.problems);

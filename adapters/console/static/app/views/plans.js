@@ -248,9 +248,9 @@ export class PlansView extends View {
     const { done = null, status = "" } = this.#ownProgress ?? {};
     const { steps } = this.plan;
     const before = steps.slice(0, index).filter((each) => each.isCommand).length; // only commands are counted
-    const known = this.#nodes.statusOf(steps[index].node);
-    if (known === "running") return status === "SUSPENDED" ? "held" : "active";
-    if (known) return known === "idle" ? "" : "done";
+    const node = this.#nodes.nodeAt(steps[index].node);
+    if (node?.status === "running") return status === "SUSPENDED" ? "held" : "active";
+    if (node) return { success: "done", failure: "failed" }[node.result] ?? "";
     if (done === null || before + Number(!steps[index].isCommand) > done) return "";
     return before < done || !steps[index].isCommand ? "done" : { EXECUTING: "active", SUSPENDED: "held" }[status] ?? "";
   }
