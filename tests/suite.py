@@ -160,6 +160,7 @@ STRESS: Final = {
     "recording-fuzz": {"--recordings": (20_000, 60)},
     "plan-traces": {"--plans": (30_000, 500)},
     "plan-kills": {"--kills": (2_000, 60)},
+    "plan-days": {"--days": (10, 1)},
     "bundle-kills": {"--kills": (100, 3)},
     "campaign-kills": {"--kills": (20, 2)},
     "kills": {"--kills": (50, 3)},

@@ -27,7 +27,7 @@ MAX_MESSAGE_OCTETS: Final = 4096
 MAX_PLAIN_OCTETS: Final = 2048
 """Octets of one value that are written without compression."""
 MAX_INFLATED_OCTETS: Final = 1 << 18
-"""Octets of one value that are read from compressed ones: those of the longest plan."""
+"""Octets of one value that are read from compressed ones: the maximum of a plan."""
 MAX_CODE: Final = 0xFFF
 MAX_ID: Final = (1 << 63) - 1
 MAX_COUNTER: Final = (1 << 32) - 1

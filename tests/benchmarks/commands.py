@@ -501,6 +501,19 @@ def plan_kills(count: int, seed: int) -> "list[Figure]":
     return plan_kills.measure(count, seed, log)
 
 
+@benchmark("plan-days --days 1", count("--days", 10), SEED)
+def plan_days(count: int, seed: int) -> "list[Figure]":
+    """Days on one uplink: which goals does the plan reach, by the truth? (minutes a day).
+
+    Each day has twelve passes, three unknown obstacles, a fault and a night. It is played by a
+    script that knows them and has a direct link, by config/plans/day.xml, and by a fixed list.
+    """
+    from tests.stress import plan_day
+
+    log(f"plan days: {count} days ...")
+    return plan_day.measure(count, seed, log)
+
+
 @benchmark("mops-fuzz --messages 10000", count("--messages", 150_000, least=100), SEED)
 def mops_fuzz(count: int, seed: int) -> "list[Figure]":
     """Texts of wrong MOPS strings against all who read them."""

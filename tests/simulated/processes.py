@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Final, Protocol
 
-from adapters.bundle import Peer
+from adapters.bundle import ContactPlan, Peer, load_contact_plan
 from adapters.mops import MopsError, load_dictionary
 from adapters.mrs.link import MrsLink
 from adapters.mrs.transport import CLEAR
@@ -33,6 +33,7 @@ REST_S: Final = 1.0
 CMD_VEL_TIMEOUT_S: Final = 0.5
 """After which the base stands if it receives no more velocities."""
 MRS_PORT: Final = 20_000
+_CONTACTS: Final = "contacts.ionrc"
 DICTIONARY: Final = load_dictionary()
 
 
@@ -49,6 +50,7 @@ class Address:
         retransmit_after_s: see `OrbiterSettings`.
         answer_s: see `LtpLink`.
         convergence: by which layer bundles go.
+        contacts: contact plan of both ends; None for permanent contact.
     """
 
     asset: str = "jackal"
@@ -61,6 +63,7 @@ class Address:
     retransmit_after_s: float | None = 120.0
     answer_s: float = 0.5
     convergence: Convergence = Convergence.LTP
+    contacts: str | None = None
 
     def _link(self, host: str, *, dials: bool = False) -> Links:
         return link_to(self.convergence, host, self.answer_s, dials=dials)
@@ -83,7 +86,21 @@ class Address:
             eid=f"ipn:{self.node}.1",
             orbiter=Peer(eid="ipn:1.1", **self._link(self.orbiter, dials=True)),
             listen=listen(self.convergence),
+            contact_plan=None if self.contacts is None else _CONTACTS,
         )
+
+    def contact_plan(self, process: Process) -> ContactPlan | None:
+        """Return the contact plan of the rover's end, read as `rover-relay` does."""
+        self.write_contacts(process)
+        settings, file = self.relay_settings(), process.folder / "relay.yaml"
+        return load_contact_plan(
+            file, settings.contact_plan, process.folder, settings.node(), SimSystem(process)
+        )
+
+    def write_contacts(self, process: Process) -> None:
+        """Write the file of planned contacts beside the settings of a process, if there are any."""
+        if self.contacts is not None:
+            (process.folder / _CONTACTS).write_text(self.contacts)
 
 
 def orbiter_settings(addresses: Sequence[Address]) -> OrbiterSettings:
@@ -94,12 +111,14 @@ def orbiter_settings(addresses: Sequence[Address]) -> OrbiterSettings:
         listen=listen(first.convergence),
         rovers=tuple(address.relayed() for address in addresses),
         retransmit_after_s=first.retransmit_after_s,
+        contact_plan=None if first.contacts is None else _CONTACTS,
     )
 
 
 def start_orbiter(addresses: Sequence[Address], process: Process) -> None:
     """Start `rover-mops`."""
     settings_file = process.folder / "orbiter.yaml"
+    addresses[0].write_contacts(process)
     process.run(
         run(
             orbiter_settings(addresses),
@@ -148,7 +167,7 @@ def start_relay(address: Address, process: Process) -> None:
     bridge = BundleBridge(
         address.relay_settings(),
         process.folder / "relay.sqlite",
-        None,
+        address.contact_plan(process),
         DICTIONARY,
         topics,
         system=SimSystem(process),
@@ -244,8 +263,10 @@ class RoverBelow:
         return Odometry(now_s, rover.pose, rover.velocity), Battery(26.0), rover.angles
 
 
-def start_executive(address: Address, below: Below, settings: Settings, process: Process) -> None:
-    """Start `rover-executive --relay` over a rover."""
+def start_executive(
+    address: Address, below: Below, settings: Settings, process: Process, *, is_direct: bool = True
+) -> None:
+    """Start `rover-executive --relay` over a rover, without a direct link unless `is_direct`."""
     system = SimSystem(process)
     ledger = Ledger(process.folder / "ledger.sqlite", connect=system.connect)
     topics = ExecutiveTopics(process, address.asset)
@@ -258,26 +279,27 @@ def start_executive(address: Address, below: Below, settings: Settings, process:
         rover=below.rover,
         ledger=ledger,
         files=process.folder / "files",
-        downlinks=[direct, relay, *below.downlinks],
+        downlinks=[*([direct] if is_direct else []), relay, *below.downlinks],
         build_tree=RoverTree,
     )
     relay.serve(executive.submit, lambda: executive.mode)
     topics.serve(relay)
-    link_loop = process.present.new_loop()
-    link_loop.call_soon(lambda: link_loop.create_task(direct.serve(executive, Future())))
+    if is_direct:
+        link_loop = process.present.new_loop()
+        link_loop.call_soon(lambda: link_loop.create_task(direct.serve(executive, Future())))
 
     def sense(now_s: float) -> None:
         for fact in below.sense(now_s):
             executive.observe(fact)
 
-    process.run(tick(executive, sense, relay.poll, below.rest_s))
+    process.run(tick(executive, sense, relay.poll, lambda: below.rest_s))
 
 
 async def tick(
     executive: Executive,
     sense: Callable[[float], None],
     poll: Callable[[], None],
-    rest_s: float = REST_S,
+    rest_s: Callable[[], float] = lambda: REST_S,
 ) -> None:
     """Run an executive for ever.
 
@@ -285,7 +307,7 @@ async def tick(
         executive: that is run.
         sense: called before each tick, with the time.
         poll: called every `POLL_S`, at ticks.
-        rest_s: between two ticks while nothing is commanded.
+        rest_s: returns the time between two ticks while nothing is commanded.
     """
     loop, woken = asyncio.get_running_loop(), asyncio.Event()
 
@@ -302,7 +324,7 @@ async def tick(
             polled_s = now_s
             poll()
         busy = executive.active_command is not None or executive.waiting > 0
-        next_s = now_s + (TICK_S if busy else rest_s)
+        next_s = now_s + (TICK_S if busy else rest_s())
         while (left_s := next_s - loop.time()) > 0.0:
             try:
                 async with asyncio.timeout(left_s):
