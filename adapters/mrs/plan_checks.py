@@ -17,7 +17,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
+from tempfile import NamedTemporaryFile
 from typing import Any, Final
+
+import yaml
 
 from adapters.mal import Codec, Field, InteractionStage, MalError, StandardError
 from adapters.mrs.spec import (
@@ -34,7 +37,7 @@ from adapters.mrs.spec import (
 )
 from executive.commands import PlanDefinition
 from executive.plans import Finding, Level, check_plan, find_faults, max_commands, steps
-from executive.settings import Settings
+from executive.settings import Settings, unstructure
 from executive.values.reasons import Refusal
 
 LOWEST_PRIORITY: Final = 19
@@ -96,17 +99,20 @@ def checked(request: CheckRequest, is_over: Callable[[], bool] = lambda: False) 
             counts |= {"states": proof.states, "ticks": proof.ticks}
             return wire_check(verdict, proof.findings, proof.limits, **counts)
         case PlanCheckLevel.TRY:
-            trial = trial_of(_run_trial(request))
+            with NamedTemporaryFile("w", suffix=".yaml", encoding="utf-8") as file:
+                yaml.safe_dump(unstructure(request.settings), file)
+                file.flush()
+                trial = trial_of(_run_trial(request, file.name))
             return wire_check(PlanVerdict.TRIED, trial=trial, **counts)
 
 
-def _run_trial(request: CheckRequest) -> Any:
-    """Return the JSON of simulated runs.
+def _run_trial(request: CheckRequest, asset: str) -> Any:
+    """Return the JSON of simulated runs, by a settings file.
 
     Raises:
         MalError: NotSupported, the simulation is not installed, or failed.
     """
-    if any(find_spec(name) is None for name in ("sim", "mujoco", "dask")):
+    if any(find_spec(name) is None for name in ("sim", "mujoco", "scipy")):
         text = "the simulation is not installed aboard: pip install 'rover-executive[sim]'"
         raise with_text(AreaError.NOT_SUPPORTED, text)
     definition = request.definition
@@ -116,7 +122,7 @@ def _run_trial(request: CheckRequest) -> Any:
         "format": definition.format,
         "content_base64": b64encode(definition.content).decode(),
         "arguments": [{"name": each.name, "value": each.text} for each in definition.arguments],
-        "asset": request.settings.asset,
+        "asset": asset,
         "draws": request.draws,
         "begin_utc_s": request.begin_utc_s,
     }

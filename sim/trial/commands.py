@@ -8,15 +8,31 @@ from typing import Any, Final
 import click
 from click.core import ParameterSource
 
-from adapters.mrs.cli import echo_json, json_option
-from adapters.mrs.cli.plan_check_command import ARGUMENTS, FILE, ID, definition_of, read_time
+from adapters.mrs.cli import RoverTarget, echo_json, json_option, to_option
+from adapters.mrs.cli.plan_check_command import (
+    ABOARD,
+    ARGUMENTS,
+    FILE,
+    ID,
+    definition_of,
+    read_time,
+    try_aboard,
+)
 from adapters.process import require
 from executive.commands import PlanArgument
 from executive.settings import SettingsError
 
 NOT_COMPLETED: Final = 1
 NOT_USABLE: Final = 2
-_SELECTING: Final = {"file", "draws", "draw", "jobs", "out", "as_json"}
+_LINK: Final = {"aboard", "to", "encoding", "certificate", "key", "authorities"}
+_SELECTING: Final = {"file", "draws", "draw", "jobs", "out", "as_json", *_LINK}
+_HERE: Final = {
+    **{each: each for each in ("draw", "seed", "asset", "scenario", "campaign", "jobs", "out")},
+    "changes": "set",
+    "limit_h": "limit",
+}
+"""Parameters of runs here, each with its option."""
+_TYPED: Final = {ParameterSource.COMMANDLINE, ParameterSource.ENVIRONMENT}
 
 
 @click.command("try")
@@ -65,6 +81,8 @@ _SELECTING: Final = {"file", "draws", "draw", "jobs", "out", "as_json"}
     type=click.Path(file_okay=False, path_type=Path),
     help="Folder of the worst run's map and reports.  [default: runs/try-PLAN]",
 )
+@ABOARD
+@to_option
 @json_option
 @click.pass_context
 def try_plan(
@@ -80,6 +98,8 @@ def try_plan(
     jobs: int | None,
     limit_h: float,
     out: Path | None,
+    aboard: bool,
+    to: RoverTarget,
     as_json: bool,
     **conditions: Any,
 ) -> None:
@@ -95,6 +115,7 @@ def try_plan(
       rover plan try config/plans/look-around.xml --draws 4 --set world=yard
       rover plan try look-around.xml --set "inject={battery_low, at: 30}"
       rover plan try look-around.xml --campaign faults
+      rover plan try look-around.xml --aboard --draws 10
 
     \b
     Exit status:
@@ -102,6 +123,14 @@ def try_plan(
       1    a run did not
       2    the plan is refused, or a file or a value cannot be used
     """
+    if aboard:
+        typed = [each for each in _HERE if context.get_parameter_source(each) in _TYPED]
+        if typed:
+            names = ", ".join(f"--{_HERE[each]}" for each in typed)
+            raise click.UsageError(f"{names}: not with --aboard, where the rover draws")
+        definition = definition_of(file, plan_id, arguments)
+        try_aboard(file, definition, to, draws, conditions["begin_utc_s"], as_json)
+        return
     for package in ("mujoco", "scipy", "matplotlib", "distributed"):
         require(package)
     from sim.campaign.cluster import ClusterError

@@ -47,8 +47,24 @@ TRIAL = {
     "figures": [
         {"name": "duration", "unit": "s", "low": 9.0, "median": 10.0, "high": 12.0, "draws": 30}
     ],
-    "branches": [{"node": "Fallback", "line": 4, "kind": "Fallback", "choice": "home", "count": 3}],
-    "worst": {"draw": 7, "completed": False, "reason": "PATH_BLOCKED", "command": "", "folder": ""},
+    "branches": [
+        {
+            "node": "Fallback",
+            "line": 4,
+            "kind": "Fallback",
+            "choice": "home",
+            "count": 5,
+            "draws": 3,
+        }
+    ],
+    "worst": {
+        "draw": 7,
+        "completed": False,
+        "reason": "PATH_BLOCKED",
+        "command": "",
+        "folder": "",
+        "clearance_m": 0.5,
+    },
 }
 
 
@@ -195,17 +211,22 @@ def test_the_end_of_a_process_has_an_error(status: int, number: int, text: str) 
 def test_a_trial_needs_the_simulation_and_has_its_summary(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    (tmp_path / "double.py").write_text(
-        f"import json, sys\nassert json.load(sys.stdin)['draws'] == 3\nprint(json.dumps({TRIAL}))"
-    )
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    double = f"""import json, sys
+from executive.settings import load_settings
+request = json.load(sys.stdin)
+assert request["draws"] == 3
+assert load_settings(request["asset"]) == load_settings("jackal")
+print(json.dumps({TRIAL}))"""
+    (tmp_path / "double.py").write_text(double)
+    paths = os.pathsep.join((str(tmp_path), *filter(None, sys.path)))
+    monkeypatch.setenv("PYTHONPATH", paths)
     monkeypatch.setattr(plan_checks, "TRIAL", "double")
     found = checked(request_of(GOOD, TRY))
     assert (found.verdict, found.leaves) == (PlanVerdict.TRIED, 2)
     assert found.trial is not None
     assert (found.trial.draws, found.trial.successes, found.trial.successLow) == (30, 27, 0.74)
     assert found.trial.branches == (TrialBranch(node="Fallback", line=4, choice="home", draws=3),)
-    assert found.trial.worst == "draw 7: PATH_BLOCKED"
+    assert found.trial.worst == "draw 7: PATH_BLOCKED, 0.50 m"
     monkeypatch.setattr(plan_checks, "TRIAL", "missing_module")
     with pytest.raises(MalError, match=r"the simulation failed: .*missing_module"):
         checked(request_of(GOOD, TRY))
@@ -213,3 +234,27 @@ def test_a_trial_needs_the_simulation_and_has_its_summary(
     with pytest.raises(MalError, match=r"pip install 'rover-executive\[sim\]'") as refused:
         checked(request_of(GOOD, TRY))
     assert refused.value.number == AreaError.NOT_SUPPORTED.value
+
+
+def test_a_trial_aboard_is_printed_as_one_here(
+    aboard: Aboard, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    double = f"p._run_trial = lambda *_: {TRIAL}; answer_parent"
+    program = f"; import {plan_checks.__name__} as p; {double}"
+    monkeypatch.setattr(plan_check_service, "START", START.replace("; answer_parent", program))
+    file = tmp_path / "ahead.xml"
+    file.write_bytes(GOOD.content)
+    typed = ("plan", "try", str(file), "--aboard", "--to", aboard.uri)
+    tried = rover(*typed)
+    assert (tried.exit_code, tried.output.splitlines()) == (
+        1,
+        [
+            "ahead: 27 of 30 draws completed; share 0.740 .. 0.970 with confidence 0.95",
+            "  duration  10 s (5 .. 95 %: 9 .. 12)",
+            "  line 4: Fallback: home in 3 draws",
+            "  worst: draw 7: PATH_BLOCKED, 0.50 m",
+        ],
+    )
+    usage = rover(*typed, "--seed", "3", "--set", "world=yard")
+    assert usage.exit_code == 2
+    assert "--seed, --set: not with --aboard" in usage.output

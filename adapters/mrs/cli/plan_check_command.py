@@ -162,6 +162,39 @@ async def check_aboard(
         return await client.check_plan(definition, level, draws, begin_utc_s)
 
 
+def try_aboard(
+    file: Path,
+    definition: PlanDefinition,
+    to: RoverTarget,
+    draws: int,
+    begin_utc_s: float | None,
+    as_json: bool,
+) -> None:
+    """Print the summary of simulated runs by a rover; exit 1 if one did not complete the plan."""
+    found = run(check_aboard(to, definition, PlanCheckLevel.TRY, draws, begin_utc_s))
+    if found.refusal is not None:
+        _refuse(file, reason_of(found.code or 0), found.refusal, as_json)
+    trial = found.trial
+    assert trial is not None
+    if as_json:
+        echo_json({"plan": definition.plan_id, "trial": trial})
+    else:
+        share = f"share {trial.successLow:.3f} .. {trial.successHigh:.3f} with confidence 0.95"
+        echo_line(
+            f"{definition.plan_id}: {trial.successes} of {trial.draws} draws completed; {share}"
+        )
+        for each in trial.figures:
+            spread = f"(5 .. 95 %: {each.low:.4g} .. {each.high:.4g})"
+            echo_line(f"  {each.name:<9} {each.median:.4g} {each.unit} {spread}")
+        for branch in trial.branches:
+            choice = f"{branch.choice} in {branch.draws} draws"
+            echo_line(f"  line {branch.line}: {branch.node}: {choice}")
+        if trial.worst is not None:
+            echo_line(f"  worst: {trial.worst}")
+    if trial.successes < trial.draws:
+        sys.exit(FAILED)
+
+
 def definition_of(
     file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...]
 ) -> PlanDefinition:

@@ -75,7 +75,7 @@ def trial_of(found: Mapping[str, Any]) -> types.PlanTrial:
                 node=each["node"],
                 line=each["line"],
                 choice=str(each["choice"]),
-                draws=each["count"],
+                draws=each["draws"],
             )
             for each in found["branches"]
         ),
@@ -88,4 +88,5 @@ _FIGURE: Final = ("name", "unit", "low", "median", "high", "draws")
 
 def _worst(worst: Mapping[str, Any]) -> str:
     end = "completed" if worst["completed"] else worst["reason"]
-    return f"draw {worst['draw']}: {end}"
+    least_m = worst["clearance_m"]
+    return f"draw {worst['draw']}: {end}" + ("" if least_m is None else f", {least_m:.2f} m")

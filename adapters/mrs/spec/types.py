@@ -1060,7 +1060,7 @@ class PlanTrial:
         successHigh: Upper end of it.
         figures: Time, energy, clearance and others.
         branches: The branches.
-        worst: The worst run, and what happened in it. NULL: none.
+        worst: The worst run: its number, its end, its clearance in m. NULL: none.
     """
 
     draws: int
