@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
+from math import inf
 from pathlib import Path
 from typing import Any, Final
 from zlib import crc32
@@ -26,7 +27,7 @@ from executive.plans import PlanRoot, check_plan, nodes
 from executive.settings import SettingsError, load_yaml
 from executive.values.clock import START_UTC_S
 from executive.values.reasons import Refusal
-from executive.values.reports import Identity, PlanStatus
+from executive.values.reports import Identity, PlanStatus, Stage
 from sim.campaign.draws import draw
 from sim.campaign.model import Campaign, Variation
 from sim.rover.lockstep import LockStep
@@ -44,6 +45,8 @@ BEGINS_BEFORE_S: Final = 60.0
 """Time of the begin before the first absolute time in a plan, unless it is given; chosen."""
 SUSPENDED_S: Final = 65.0
 """Suspension after which a run ends: later than a plan continues by itself after a restart."""
+REFUSED_S: Final = 2.0
+"""Time after which a plan that was not activated has been refused."""
 MAX_ANSWER_S: Final = 600.0
 """Maximum time to an answer of a question without a deadline; chosen."""
 _FLAT: Final[dict[str, Any]] = {
@@ -55,7 +58,13 @@ _FLAT: Final[dict[str, Any]] = {
 OPERATOR: Final = "MOE"
 ANSWERS_FROM: Final = 1_000_000
 """Minimum number of a drawn answer; commands of a scenario have smaller ones."""
-_ENDED: Final = {PlanStatus.COMPLETED, PlanStatus.FAILED, PlanStatus.ABORTED}
+_AFTER_S: Final = {
+    PlanStatus.COMPLETED: 0.0,
+    PlanStatus.FAILED: 0.0,
+    PlanStatus.ABORTED: 0.0,
+    PlanStatus.SUSPENDED: SUSPENDED_S,
+}
+"""Time from a status of the plan to the end of the run."""
 
 
 Floats = NDArray[np.float64]
@@ -195,12 +204,12 @@ def try_once(trial: Trial, number: int, out: Path | None = None) -> TrialResult:
 
             out.mkdir(parents=True, exist_ok=True)
             write_run(out, scenario, record)
-    last = record.plans[-1]
+    last, (status, reason) = record.plans[-1:], _end_of(record)
     return TrialResult(
         draw=number,
-        status=last.status,
-        reason=last.text,
-        duration_s=round(record.since_start_s(last.utc_s) - BEGIN_S, 3),
+        status=status,
+        reason=reason,
+        duration_s=round(record.since_start_s(last[0].utc_s) - BEGIN_S, 3) if last else 0.0,
         energy_j=record.energy_j or 0.0,
         clearance_m=_clearance_m(scenario, record),
         digest=digest_of(record),
@@ -208,6 +217,15 @@ def try_once(trial: Trial, number: int, out: Path | None = None) -> TrialResult:
         choices=tuple((*key, count) for key, count in sorted(log.choices.items())),
         seconds=time.perf_counter() - began_s,
     )
+
+
+def _end_of(record: Record) -> tuple[PlanStatus, str]:
+    """Return the last status of the plan and its text; that of the refusal, if there is one."""
+    refusals = [each.text for each in record.reports if each.stage is Stage.REJECTED]
+    last = record.plans[-1] if record.plans else None
+    if last is None or last.status is PlanStatus.SUBMITTED:
+        return PlanStatus.SUBMITTED, f"refused: {refusals[-1] if refusals else 'no contact'}"
+    return last.status, last.text
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -253,10 +271,10 @@ class _TrialRun(LockstepRun):
     def has_ended(self) -> bool:
         """Whether the plan has ended, or is suspended for good."""
         plans = self._lock.downlink_record.plans
-        if not plans or plans[-1].status not in _ENDED | {PlanStatus.SUSPENDED}:
-            return False
+        if not plans or plans[-1].status is PlanStatus.SUBMITTED:
+            return self._lock.time_s > BEGIN_S + REFUSED_S
         since_s = self._lock.clock.utc_s() - plans[-1].utc_s
-        return since_s > (SUSPENDED_S if plans[-1].status is PlanStatus.SUSPENDED else 0.0)
+        return since_s > _AFTER_S.get(plans[-1].status, inf)
 
     def observe(self) -> None:
         """Draw answers to the questions opened in this tick, and send those that are due."""

@@ -98,6 +98,15 @@ def test_drawn_answers_decide_branches_and_repeat(tmp_path: Path) -> None:
     assert other["worst"]["digest"] != worst["digest"]
 
 
+def test_a_refused_begin_is_a_failed_run(tmp_path: Path) -> None:
+    """A rover that does not accept the plan ends the run at once, with its reason."""
+    report = _report(_plan(tmp_path, DRIVE), "--draws", "1", "--set", "world.charge=0", status=1)
+    [group] = report["failures"]
+    assert group["status"] == "SUBMITTED"
+    assert group["reason"].startswith("refused: ")
+    assert "SAFE" in group["reason"]
+
+
 def test_a_plan_with_times_begins_before_them(tmp_path: Path) -> None:
     """Without `--at` the begin is one minute before the first time; with it a wait is late."""
     wait = '<WaitUntil utc="2026-11-27T09:00:00Z" late_s="60"/>'
