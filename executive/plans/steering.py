@@ -9,15 +9,31 @@ from typing import Final
 from executive.commands import AnswerQuestion, HoldAtNode, PlanSteering, RetryNode, SkipNode
 from executive.plans.execution import Steering
 from executive.plans.model import PlanNode, PlanRoot, nodes, parts_of
-from executive.plans.state import PlanState
-from executive.values.reasons import Reason, Refusal
+from executive.plans.state import MAX_STATE_LENGTH, PlanState, encode
+from executive.values.reasons import Figure, Reason, Refusal
 
 MAX_NAMED: Final = 10
 """Maximum number of nodes that a report names."""
+MAX_STEERED_LENGTH: Final = MAX_STATE_LENGTH - 8192
+"""Maximum length in characters of the state with a request: the plan itself may need the rest."""
 
 
 def check_steering(request: PlanSteering, root: PlanRoot, state: PlanState) -> PlanNode | Refusal:
     """Return the node that a request names, or why it cannot be steered so in its state."""
+    node = _check_node(request, root, state)
+    if isinstance(node, Refusal):
+        return node
+    changed, _ = steered(request, node, state)
+    length = len(encode(changed._replace(records="")))
+    if length <= MAX_STEERED_LENGTH:
+        return node
+    text = f"the state of the plan is too large for requests: {length} characters"
+    bound = Figure("bound", MAX_STEERED_LENGTH)
+    return Refusal(Reason.PLAN_TOO_LARGE, f"{text}, {MAX_STEERED_LENGTH} at most", (bound,))
+
+
+def _check_node(request: PlanSteering, root: PlanRoot, state: PlanState) -> PlanNode | Refusal:
+    """Return the node that a request names, or why it cannot obey in its state."""
     if isinstance(request, AnswerQuestion):
         node = _find(root, request.question, Reason.NO_SUCH_QUESTION, "Ask")
         return node if isinstance(node, Refusal) else _check_answer(node, request.option, state)

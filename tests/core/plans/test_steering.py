@@ -19,8 +19,10 @@ from executive.commands import (
     RetryNode,
     SkipNode,
     SubmitPlan,
+    SuspendPlan,
 )
 from executive.commands.lifecycle import Accepted
+from executive.plans.state import MAX_STATE_LENGTH
 from executive.values.clock import START_UTC_S
 from executive.values.reasons import Reason
 from executive.values.reports import PlanStatus, Stage
@@ -55,6 +57,27 @@ def steer(bench: PlanBench, request: PlanSteering) -> str:
     ]
     assert ends[-1].stage is Stage.EXECUTED
     return ends[-1].text
+
+
+@pytest.mark.parametrize("suspended", [False, True])
+def test_a_request_that_the_state_has_no_space_for_is_refused(
+    bench: PlanBench, suspended: bool
+) -> None:
+    codes = [f"a := '{'x' * 1000}'", *(f"v{number} := a" for number in range(256))]
+    scripts = "".join(f'<Script code="{code}"/>' for code in codes)
+    bench.begin(f"<Sequence>{scripts}{DRIVE}</Sequence>")
+    ((length,),) = bench.ledger.rows("SELECT length(state) FROM plan_states")
+    assert 0 < MAX_STATE_LENGTH - length < 8192
+    if suspended:
+        bench.request(SuspendPlan("survey"))
+        bench.step()
+    refusal = bench.plan_refusal(HoldAtNode("survey", "camera"))
+    assert refusal.reason is Reason.PLAN_TOO_LARGE
+    assert bench.status().status is (SUSPENDED if suspended else PlanStatus.EXECUTING)
+    if suspended:
+        bench.request(ResumePlan("survey"))
+        bench.run(1.0)
+    assert bench.status().status is PlanStatus.EXECUTING
 
 
 def continued(bench: PlanBench) -> PlanStatus:
