@@ -415,8 +415,8 @@ class MissionBench(PlanBench):
             if self.utc_s < asked_s + ANSWER_S:
                 yield asked_s + ANSWER_S
         for text in ("10:14", "12:06", "2026-11-28T05:00:00Z"):
-            if self.utc_s < utc(text):
-                yield utc(text)
+            if self.utc_s < utc(text) + 2 * STEP_S:
+                yield utc(text) + 2 * STEP_S
         if self.done:
             yield from (
                 end for s in (60, 1800) if (end := self.done_utc_s(1) + s + 2 * STEP_S) > self.utc_s

@@ -9,6 +9,7 @@ import pytest
 from executive.commands import ResumePlan, Stop, SuspendPlan
 from executive.commands.catalogue import Resume
 from executive.values.reports import PlanStatus, Stage
+from tests.support.kinematic import STEP_S
 from tests.support.plans import PlanBench, plan, xml
 
 SLEEP = '<Sleep msec="60000"/>'
@@ -118,3 +119,24 @@ def test_the_link_is_not_up_before_the_first_contact_after_a_restart(bench: Plan
     bench.executive.ground.record_contact()
     bench.run(0.5)
     assert len(bench.commanded()) == 1
+
+
+def test_a_suspended_plan_leaves_no_growing_record(bench: PlanBench) -> None:
+    begin(bench, f"<Sequence>{SLEEP}{BACK}</Sequence>")
+    bench.request(SuspendPlan("survey"))
+    bench.run(1.0)
+    before = sizes(bench)
+    bench.run(10_000 * STEP_S)
+    assert sizes(bench) == before
+    assert bench.status().status is SUSPENDED
+
+
+def sizes(bench: PlanBench) -> tuple[object, ...]:
+    """Return the number of commits, and of the rows and characters of plans and reports."""
+    return (
+        bench.ledger.sealed,
+        bench.ledger.rows("SELECT count(*), sum(length(state)) FROM plan_states"),
+        bench.ledger.rows("SELECT count(*), max(sequence) FROM reports"),
+        bench.ledger.rows("SELECT count(*) FROM plan_steps"),
+        len(bench.received.reports) + len(bench.received.plans),
+    )
