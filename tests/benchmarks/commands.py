@@ -492,6 +492,14 @@ def plan_traces(count: int, seed: int) -> "list[Figure]":
     return plan_traces.measure(count, seed, log)
 
 
+@benchmark("plan-tick", count("--batches", 100))
+def plan_tick(count: int) -> "list[Figure]":
+    """The tick of a plan of 300 nodes, its state, and the stored text."""
+    from tests.benchmarks import plan_tick
+
+    return plan_tick.measure(count)
+
+
 @benchmark("plan-kills --kills 200", count("--kills", 2_000), SEED)
 def plan_kills(count: int, seed: int) -> "list[Figure]":
     """Missions, killed after any tick and anywhere in a commit: is each done as undisturbed?"""

@@ -204,6 +204,15 @@ def test_our_own_goals_are_24_with_limits() -> None:
     assert goals.limits.rotate_speed_radps == 1.5
 
 
+def test_the_tick_of_a_plan_is_measured(tmp_path: Path) -> None:
+    out = tmp_path / "figures.json"
+    result = CliRunner().invoke(bench, ["plan-tick", "--batches", "5", "--json", str(out)])
+    assert result.exit_code in (0, 1), result.output
+    rows = {row["name"]: row["value"] for row in json.loads(out.read_text())}
+    assert 0.1 < rows["plan: tick / tick of py_trees"] < 1.0
+    assert rows["plan: stored state"] < 4096
+
+
 def test_lock_step_repeats_and_a_small_storm_breaks_nothing() -> None:
     result = CliRunner().invoke(bench, ["storm", "--commands", "500", "--seed", "3"])
     assert result.exit_code == 0, result.output
