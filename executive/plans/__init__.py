@@ -14,7 +14,6 @@ from executive.plans.dialect import BATTERY_CHARGE as BATTERY_CHARGE
 from executive.plans.dialect import CONDITIONS as CONDITIONS
 from executive.plans.dialect import DEADLINE as DEADLINE
 from executive.plans.dialect import DIALECT as DIALECT
-from executive.plans.dialect import ENERGY_USED as ENERGY_USED
 from executive.plans.dialect import LEAVES as LEAVES
 from executive.plans.dialect import LINK_SILENT_S as LINK_SILENT_S
 from executive.plans.dialect import LINK_UP as LINK_UP
@@ -22,7 +21,6 @@ from executive.plans.dialect import MODE as MODE
 from executive.plans.dialect import POSTCONDITIONS as POSTCONDITIONS
 from executive.plans.dialect import PRECONDITIONS as PRECONDITIONS
 from executive.plans.dialect import QUESTION as QUESTION
-from executive.plans.dialect import TELEMETRY as TELEMETRY
 from executive.plans.dialect import UTC as UTC
 from executive.plans.dialect import NodeKind as NodeKind
 from executive.plans.dialect import Port as Port
@@ -34,7 +32,6 @@ from executive.plans.execution import PlanExecution as PlanExecution
 from executive.plans.execution import PlanPort as PlanPort
 from executive.plans.execution import PlanResult as PlanResult
 from executive.plans.execution import Steering as Steering
-from executive.plans.execution import Surroundings as Surroundings
 from executive.plans.execution import Tree as Tree
 from executive.plans.execution import TreeNodeView as TreeNodeView
 from executive.plans.findings import Finding as Finding
@@ -72,7 +69,6 @@ from executive.plans.scripting import Script as Script
 from executive.plans.scripting import UnknownValueError as UnknownValueError
 from executive.plans.scripting import case_matches as case_matches
 from executive.plans.scripting import text_of as text_of
-from executive.plans.state import PlanState as PlanState
 from executive.plans.state import StateError as StateError
 from executive.plans.state import TreeState as TreeState
 from executive.plans.syntax import ArgumentError as ArgumentError
