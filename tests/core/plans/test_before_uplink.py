@@ -462,6 +462,35 @@ def test_a_division_that_is_explored_exactly_is_no_limit() -> None:
     assert (proof.verdict, proof.findings, proof.limits) == ("proved", (), ())
 
 
+@pytest.mark.parametrize(
+    "first",
+    [
+        f'<TryCatch><Sequence><ScriptCondition code="@LINK_UP == 1"/>{PICTURE}</Sequence>{HOME}'
+        "</TryCatch>",
+        f'<IfThenElse><ScriptCondition code="@LINK_UP == 1"/>{PICTURE}{HOME}</IfThenElse>',
+        f'<ParallelAll><ScriptCondition code="@LINK_UP == 1"/>{PICTURE}</ParallelAll>',
+    ],
+)
+def test_a_node_passes_at_once_only_if_its_steps_do(first: str) -> None:
+    plan = definition(f"<ReactiveSequence> {HERE}\n{first}{DRIVE}</ReactiveSequence>")
+    (found,) = (each for each in find_faults(read(plan)) if each.level is Level.ERROR)
+    assert (found.line, "begins again in each tick" in found.text) == (line_of(plan), True)
+
+
+def test_a_parallel_that_needs_one_of_two_may_pass_at_once() -> None:
+    first = (
+        f'<Parallel success_count="1"><ScriptCondition code="@LINK_UP == 1"/>{PICTURE}</Parallel>'
+    )
+    found = find_faults(read(definition(f"<ReactiveSequence>{first}{DRIVE}</ReactiveSequence>")))
+    assert [each for each in found if each.level is Level.ERROR] == []
+
+
+def test_a_port_is_read_by_its_name_and_not_by_the_same_word_elsewhere() -> None:
+    go = f'<BehaviorTree ID="Go"><Sequence name="x">{DRIVE}</Sequence></BehaviorTree>'
+    found = faults(definition('<SubTree ID="Go" x="1"/>', go))
+    assert [each.text for each in found] == ["the tree Go does not read x: remove it"]
+
+
 def test_a_wait_that_guards_in_each_tick_is_a_warning() -> None:
     plan = definition(f"""<Timeout msec="600000"><ReactiveSequence> {HERE}
         <WaitFor if="@BATERY_VOLTAGE &gt; 24" deadline_s="60"/>
