@@ -274,6 +274,8 @@ def stress_checks(percent: int) -> list[CiCheck]:
     examples = ("env", "EXAMPLES=all", *_python("pytest", "-q", *at_once, *drawn))
     site = "runs/site"
     shown = ("env", f"SITE={site}", *_python("pytest", "-q", "tests/docs/test_site.py"))
+    whole = () if percent == 100 else ("-k", "hill")
+    missions = _python("pytest", "-q", "tests/stress/whole_missions.py", *whole)
     templates = ("env", "TEMPLATES=all", *_python("pytest", "-q", "tests/docs/test_examples.py"))
     return [
         *checks,
@@ -285,6 +287,7 @@ def stress_checks(percent: int) -> list[CiCheck]:
         CiCheck("ROS clients", ((*clients, "tests/stress/ros_clients.py"),)),
         CiCheck("examples", (examples,)),
         CiCheck("templates", (templates,)),
+        CiCheck("missions", (missions,)),
         CiCheck("installation", (installed,)),
         CiCheck("containers", (images,)),
         CiCheck("service", (service,)),
