@@ -1,7 +1,7 @@
 /** The checks of the plan in preparation by the rover, and the result of the last one. */
 
 import { PlanCheck } from "../model/plan_check.js";
-import { button, html, reconcile, setText, tableHead } from "../dom.js";
+import { button, html, reconcile, set, setText, tableHead } from "../dom.js";
 import { View } from "./view.js";
 import { duration, number } from "../format.js";
 
@@ -41,6 +41,7 @@ export class PlanChecks extends View {
     this.#progress.hidden = this.#cancel.hidden = !isRunning;
     const isShown = level !== "" && (isRunning || error !== "" || !check.isOld);
     this.#result.hidden = !isShown;
+    set(this.#result, { role: isRunning ? "timer" : "status" }); // a screen reader does not read each second
     this.#result.classList.toggle("refused", Boolean(error) || ["refused", "faults"].includes(result?.verdict ?? ""));
     const passed = `${level}: ${duration((Date.now() - check.began_ms) / 1000)} …`;
     setText(this.#verdict, isRunning ? passed : error ? `${level}: ${error}` : result ? `${level}: ${verdictOf(result)}` : "");
