@@ -269,6 +269,7 @@ def stress_checks(percent: int) -> list[CiCheck]:
     few = "lock-honest or relay-another or lock-executive-killed or lock-navigation-paused"
     live = () if percent == 100 else ("-k", few)
     below = _python("pytest", "-q", "-rP", "tests/stress/navigation_processes.py", *live)
+    proofs = _python("pytest", "-q", "-rP", "tests/stress/plan_checks_aboard.py")
     times = ("env", f"NAVIGATED_DRIVES={max(1, 3 * percent // 100)}")
     clients = ("env", f"ROS_CLIENTS={percent}", *_python("pytest", "-q", "-rP"))
     examples = ("env", "EXAMPLES=all", *_python("pytest", "-q", *at_once, *drawn))
@@ -283,6 +284,7 @@ def stress_checks(percent: int) -> list[CiCheck]:
         CiCheck("simulated", (storms,)),
         CiCheck("planted", (planted,)),
         CiCheck("robots", (robots,)),
+        CiCheck("plan-checks", (proofs,)),
         CiCheck("navigations", ((*times, *below),)),
         CiCheck("ROS clients", ((*clients, "tests/stress/ros_clients.py"),)),
         CiCheck("examples", (examples,)),

@@ -87,6 +87,9 @@ class PlanCheckService:
         finally:
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
-            await process.wait()
             process.stdin.close()
+            ended = asyncio.gather(process.stdout.read(), process.wait())
+            while not ended.done():  # at once; the end of the link may cancel this again
+                with suppress(asyncio.CancelledError):
+                    await asyncio.wait({ended})
         return check_from(octets, status)

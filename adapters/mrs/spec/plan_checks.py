@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from executive.plans import Finding
 
 CHECK_LIMIT_S: Final = {
-    PlanCheckLevel.CHECK: 60.0,
-    PlanCheckLevel.PROVE: 60.0,
+    PlanCheckLevel.CHECK: 120.0,
+    PlanCheckLevel.PROVE: 120.0,
     PlanCheckLevel.TRY: 600.0,
 }
 """Maximum time of a check aboard, s; chosen, not measured."""
