@@ -19,7 +19,7 @@ from executive.values.parameters import Parameter
 BOUNDS: Final = {
     LINK_UP: (0.0, 1.0, "0 or 1"),
     BATTERY_CHARGE: (0.0, 1.0, "0 to 1"),
-    Parameter.HEAD.value: (-pi, pi, "-π to π rad"),
+    Parameter.HEAD.value: (-pi, pi, "-pi to pi rad"),
 }
 """Minimum, maximum, and both as text, of the telemetry with bounds of its own."""
 _MAX_COMBINATIONS: Final = 1000
