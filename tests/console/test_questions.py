@@ -61,7 +61,7 @@ async def test_the_first_answer_counts_and_all_pages_see_it(rover: Aboard, tmp_p
 
 async def test_the_default_and_a_withdrawal_end_a_question(rover: Aboard, tmp_path: Path) -> None:
     async with at_console(tmp_path, rover.uri, "anna", topics=TOPICS) as (anna,):
-        await start(anna, with_question(200, 80_000))
+        await start(anna, with_question(100, 80_000))
         await anna.page.until(lambda each: "the default is stay" in each.get("text", ""))
         assert "default" in (await anna.page.until(has_ended))["end"]
         await anna.send("x", "abortPlan", plan_id="survey")
