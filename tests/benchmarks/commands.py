@@ -503,10 +503,10 @@ def plan_tick(count: int) -> "list[Figure]":
 @benchmark("plan-kills --kills 200", count("--kills", 2_000), SEED)
 def plan_kills(count: int, seed: int) -> "list[Figure]":
     """Missions, killed after any tick and anywhere in a commit: is each done as undisturbed?"""
-    from tests.stress import plan_kills
+    from tests.stress import plan_causes, plan_kills
 
     log(f"plan kills: {count}, in lock step ...")
-    return plan_kills.measure(count, seed, log)
+    return [*plan_kills.measure(count, seed, log), *plan_causes.measure(seed, log)]
 
 
 @benchmark("plan-days --days 1", count("--days", 10), SEED)

@@ -163,7 +163,7 @@ def write(files: Files, folder: Path) -> None:
         path.write_bytes(content)
 
 
-class _Watch:
+class Watch:
     """Takes what kills would leave, at drawn commits and ticks of a run.
 
     Args:
@@ -221,7 +221,7 @@ class Outcome:
     ticks: int
 
 
-def outcome_of(bench: MissionBench, watch: _Watch, trace: Sequence[Change]) -> Outcome:
+def outcome_of(bench: MissionBench, watch: Watch, trace: Sequence[Change]) -> Outcome:
     """Return how a mission ended."""
     assert bench.plan_status is not None
     keys = [
@@ -233,7 +233,7 @@ def outcome_of(bench: MissionBench, watch: _Watch, trace: Sequence[Change]) -> O
     return Outcome(bench.plan_status, trace, executed, Counter(keys), watch.commits, watch.ticks)
 
 
-def undisturbed(situation: Situation, resumes: bool, watch: _Watch) -> Outcome:
+def undisturbed(situation: Situation, resumes: bool, watch: Watch) -> Outcome:
     """Run a mission that is not interrupted."""
     with tempfile.TemporaryDirectory() as folder:
         bench = MissionBench(Path(folder), situation, resumes, watch=watch.on_commit)
@@ -250,7 +250,7 @@ class _Given(Exception):  # noqa: N818 - it ends a run, and is no error
 
 
 @dataclass(slots=True)
-class _Continued:
+class Continued:
     """A mission after a kill.
 
     Args:
@@ -287,7 +287,7 @@ class _Continued:
             kind = random.choice([each for each in Kill if each is not Kill.REAL])
             at = random.choice((random.randrange(4), random.randrange(60)))
             wanted[kind is not Kill.AFTER_TICK, at] = [kind]
-        watch = _Watch(wanted, random)
+        watch = Watch(wanted, random)
         down_s = random.choice(DOWN_S)
         world.rover.velocity = STANDING
         restarted = World(world.rover, world.now_s + down_s, 0)
@@ -306,11 +306,11 @@ class _Continued:
             except _Given:
                 self.before += bench.trace[: watch.taken[0].world.changes]
                 return watch.taken[0]
-            self._compare(bench, watch)
+            self.compare(bench, watch)
         return None
 
     @staticmethod
-    def _watching(watch: _Watch) -> Callable[[MissionBench, Batch, bool], None]:
+    def _watching(watch: Watch) -> Callable[[MissionBench, Batch, bool], None]:
         def on_commit(bench: MissionBench, batch: Batch, committed: bool) -> None:
             watch.on_commit(bench, batch, committed)
             if watch.taken:
@@ -319,7 +319,7 @@ class _Continued:
         return on_commit
 
     def _carry_on(
-        self, bench: MissionBench, watch: _Watch, restarts: int, stored: Change | None
+        self, bench: MissionBench, watch: Watch, restarts: int, stored: Change | None
     ) -> None:
         """Let a mission continue, by itself or by the operators, to its end."""
 
@@ -375,7 +375,7 @@ class _Continued:
         if same and not -STEP_S <= late_s <= LATE_S:
             self.find(Broken.WAITS, f"{self} {reference[at].waits}: {late_s:.2f} s")
 
-    def _compare(self, bench: MissionBench, watch: _Watch) -> None:
+    def compare(self, bench: MissionBench, watch: Watch) -> None:
         reference, found = self.reference, outcome_of(bench, watch, [*self.before, *bench.trace])
         if found.status is not reference.status:
             self.find(Broken.END, f"{self}: {bench.status(PLAN_ID)}")
@@ -518,11 +518,11 @@ def _kill_mission(
 ) -> Counter[Kill]:
     """Kill one mission at least this often; return the kills by kind."""
     kills = Counter[Kill]()
-    reference = undisturbed(situation, resumes, _Watch({}, random))
+    reference = undisturbed(situation, resumes, Watch({}, random))
     wanted: dict[tuple[bool, int], list[Kill]] = {}
     for kind, at in _points(reference, count, random):
         wanted.setdefault((kind is not Kill.AFTER_TICK, at), []).append(kind)
-    watch = _Watch(wanted, random)
+    watch = Watch(wanted, random)
     undisturbed(situation, resumes, watch)
     random.shuffle(watch.taken)
     real = sum(random.random() < REAL for _ in range(count))
@@ -535,7 +535,7 @@ def _kill_mission(
     for each in watch.taken:
         if kills.total() >= count:
             break
-        run = _Continued(situation, resumes, reference, random, find)
+        run = Continued(situation, resumes, reference, random, find)
         run.run(each)
         kills += run.kills
     return kills

@@ -5,9 +5,11 @@ from typing import Any
 
 import pytest
 
+from executive.core.plan_surroundings import RoverSurroundings
 from executive.plans import planner, recovery
 from executive.plans.state import decode, encode
 from executive.record import PlanStore, StoredState
+from tests.stress.plan_causes import Held, check_causes
 from tests.stress.plan_kills import Broken, Kill, kill_missions
 from tests.support.mission_bench import SITUATIONS, Situation
 
@@ -20,7 +22,7 @@ def situations(*names: str) -> list[Situation]:
 
 def test_missions_continue_over_kills() -> None:
     found: list[str] = []
-    findings, kills = kill_missions(28, 1, lambda line: found.append(str(line)), situations(*SHORT))
+    findings, kills = kill_missions(21, 1, lambda line: found.append(str(line)), situations(*SHORT))
     assert not findings.counts, found
     assert set(kills) >= set(Kill) - {Kill.REAL}
 
@@ -69,3 +71,17 @@ def test_a_command_without_its_state_is_found(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(PlanStore, "save_state", save_late)
     findings, _ = kill_missions(12, 1, lambda _: None, situations("stow"))
     assert findings.counts
+
+
+def test_no_mission_continues_by_itself_after_another_cause(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found: list[str] = []
+    short = situations("stow")
+    findings, kills = check_causes(1, lambda line: found.append(str(line)), short)
+    assert not findings.counts, found
+    assert kills == 5
+    monkeypatch.setattr(planner.Planner, "_await_operators", lambda _: None)
+    monkeypatch.setattr(RoverSurroundings, "is_held", False)
+    findings, _ = check_causes(1, lambda _: None, situations("stow"))
+    assert findings.counts[Held.CONTINUES]

@@ -366,7 +366,7 @@ class MissionBench(PlanBench):
         if len(self._sent) == sent:
             self._jump()
         self.step()
-        self._note()
+        self.note()
 
     def step(self) -> None:
         """Let one tick pass."""
@@ -377,7 +377,8 @@ class MissionBench(PlanBench):
             self.executive.ground.record_contact()
         super().step()
 
-    def _note(self) -> None:
+    def note(self) -> None:
+        """Add the state of the plan to the trace, if it has changed."""
         run = self.run_of_plan
         if run is None:
             return
