@@ -3,6 +3,7 @@
 import hashlib
 import json
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -12,7 +13,13 @@ from cattrs.preconf.json import make_converter
 
 from executive.commands import Command, Request, Resume, Setting, Stop
 from executive.faults import Reaction
-from executive.record.database import Connect, Database, Synchronous, connect_to_file
+from executive.record.database import (
+    Connect,
+    Database,
+    LedgerError,
+    Synchronous,
+    connect_to_file,
+)
 from executive.record.stop_latch import LatchChange
 from executive.record.writer import Batch, BatchWriter, InlineWriter, ThreadWriter, WriterState
 from executive.values.reasons import Figure, Reason, Refusal
@@ -134,6 +141,10 @@ class Ledger(Database):
         version: int = LEDGER_VERSION,
     ) -> None:
         super().__init__(path, _SCHEMA, synchronous, connect, version)
+        # A commit whose sync failed before a restart can be read, but is only in the memory of the
+        # operating system: it is copied and synced before it counts. On a full disk it stays so.
+        with suppress(LedgerError):
+            self.rows("PRAGMA wal_checkpoint")
         self._connection = partial(Database, path, "", synchronous, connect, version)
         self.writer: BatchWriter = InlineWriter(self)
         self.sealed = 0
