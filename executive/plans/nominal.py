@@ -94,7 +94,8 @@ def _body(node: PlanNode, cells: Cells, left: Iterator[int]) -> Iterator[Nominal
             chosen *= max(1, int(node.number("num_cycles")))
         case "LoopString" | "LoopDouble" | "LoopPlace":
             for part in parts_of(_given(node, "queue", cells) or "")[:MAX_LOOP_CYCLES]:
-                _set_part(node, part, cells)
+                for port, value in part_values(node.kind.name, part).items():
+                    _write(node, port, value, cells)
                 yield from _visit(chosen[0], cells, left)
             return
         case "Timeout":
@@ -111,12 +112,12 @@ def _body(node: PlanNode, cells: Cells, left: Iterator[int]) -> Iterator[Nominal
 
 def _runs(node: PlanNode, cells: Cells) -> bool:
     """Return whether the blackboard does not skip a node; an unknown condition holds."""
-    if _run(node.conditions.get("_skipIf"), cells) or _run(
-        node.conditions.get("_successIf"), cells
-    ):
+    conditions, is_asked = node.conditions, node.kind.name == "Precondition"
+    skips = (conditions.get("_skipIf"), conditions.get("_successIf"))
+    needs = (node.ports["if"] if is_asked else None, conditions.get("_while"))
+    if any(_run(each, cells) for each in skips):
         return False
-    holds = node.kind.name != "Precondition" or _run(node.ports["if"], cells) is not False
-    return holds and _run(node.conditions.get("_while"), cells) is not False
+    return all(_run(each, cells) is not False for each in needs)
 
 
 def _run(script: object, cells: Cells) -> bool | None:
@@ -139,11 +140,6 @@ def _write(node: PlanNode, port: str, value: Value | None, cells: Cells) -> None
     target = node.ports.get(port)
     if isinstance(target, CellReference) and value is not None:
         cells[target.cell] = value
-
-
-def _set_part(node: PlanNode, part: str, cells: Cells) -> None:
-    for port, value in part_values(node.kind.name, part).items():
-        _write(node, port, value, cells)
 
 
 def _case(node: PlanNode, cells: Cells) -> PlanNode:
