@@ -112,9 +112,9 @@ def _body(node: PlanNode, cells: Cells, left: Iterator[int]) -> Iterator[Nominal
 
 def _runs(node: PlanNode, cells: Cells) -> bool:
     """Return whether the blackboard does not skip a node; an unknown condition holds."""
-    conditions, is_asked = node.conditions, node.kind.name == "Precondition"
+    conditions, has_condition = node.conditions, node.kind.name == "Precondition"
     skips = (conditions.get("_skipIf"), conditions.get("_successIf"))
-    needs = (node.ports["if"] if is_asked else None, conditions.get("_while"))
+    needs = (node.ports["if"] if has_condition else None, conditions.get("_while"))
     if any(_run(each, cells) for each in skips):
         return False
     return all(_run(each, cells) is not False for each in needs)

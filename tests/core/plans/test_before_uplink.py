@@ -485,7 +485,7 @@ def test_a_parallel_that_needs_one_of_two_may_pass_at_once() -> None:
     assert [each for each in found if each.level is Level.ERROR] == []
 
 
-def test_a_port_is_read_by_its_name_and_not_by_the_same_word_elsewhere() -> None:
+def test_a_port_is_read_by_its_name_and_not_by_a_node_of_this_name() -> None:
     go = f'<BehaviorTree ID="Go"><Sequence name="x">{DRIVE}</Sequence></BehaviorTree>'
     found = faults(definition('<SubTree ID="Go" x="1"/>', go))
     assert [each.text for each in found] == ["the tree Go does not read x: remove it"]
