@@ -1,4 +1,4 @@
-"""The tick of a plan of 300 nodes with 60 branches under way, its state, and the stored text."""
+"""The tick of a plan of 300 nodes with 60 branches running, its state, and the stored text."""
 
 import statistics
 from collections.abc import Callable
@@ -63,7 +63,7 @@ def measure(batches: int) -> list[Figure]:
     state_s, encode_s = _interleaved_s(tree.state, lambda: encode(PlanState(tree.state())), batches)
     count = len(tree.nodes)
     assert tree.state().statuses.count("R") == 2 + 3 * BRANCHES
-    beside = f"{count} nodes, {BRANCHES} branches under way"
+    beside = f"{count} nodes, {BRANCHES} branches running"
     own = f"{other_s * 1e3:.3f} ms: a tree of py_trees of this form"
     return [
         Figure("plan: tick", plan_s * 1e3, "ms", own, Goal(TICK_S * 1e3)),

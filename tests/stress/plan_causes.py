@@ -144,7 +144,7 @@ def _check(killed: Killed, cause: Cause, run: Continued, folder: Path, findings:
             bench.resume(53)
         watch = Watch({}, run.random)
         while bench.plan_status not in FINAL_STATUSES and watch.ticks < MAX_TICKS:
-            bench.go_on()
+            bench.proceed()
             watch.on_tick(bench)
         if bench.plan_status is not reference.status:
             findings.add(Held.END, f"{about}: {bench.plan_status}")

@@ -239,7 +239,7 @@ def undisturbed(situation: Situation, resumes: bool, watch: Watch) -> Outcome:
         bench = MissionBench(Path(folder), situation, resumes, watch=watch.on_commit)
         with bench:
             while bench.plan_status not in FINAL_STATUSES:
-                bench.go_on()
+                bench.proceed()
                 watch.on_tick(bench)
                 assert watch.ticks < MAX_TICKS, situation.name
             return outcome_of(bench, watch, bench.trace)
@@ -323,35 +323,35 @@ class Continued:
     ) -> None:
         """Let a mission continue, by itself or by the operators, to its end."""
 
-        def go_on() -> None:
-            bench.go_on()
+        def proceed() -> None:
+            bench.proceed()
             watch.on_tick(bench)
             if watch.taken:
                 raise _Given
 
         restarted_s, resumed_s, was = bench.utc_s, bench.utc_s, bench.plan_status
         if was is PlanStatus.SUSPENDED:
-            goes_on = self.resumes and restarts < MAX_RESTARTS
+            continues = self.resumes and restarts < MAX_RESTARTS
             for _ in range(round(1.0 / STEP_S)):
                 if bench.plan_status is not PlanStatus.SUSPENDED:
                     break
                 if bench.rover.velocity != STANDING:
                     self.find(Broken.MOVES, self)
-                go_on()
+                proceed()
             if bench.plan_status is PlanStatus.SUSPENDED:
                 uncertain = bench.executive.status.uncertainty
-                if goes_on and not uncertain:
+                if continues and not uncertain:
                     self.find(Broken.CONTINUES, f"{self} {restarts} {bench.status(PLAN_ID)}")
                 for _ in range(round(self.random.choice(SUSPENDED_S) / STEP_S)):
-                    go_on()
+                    proceed()
                 if uncertain:
                     bench.order(ConfirmPose(0.0, 0.0), 98)
                 bench.resume(100 + round(bench.utc_s * 1000) % 10**9)
-            elif not goes_on:
+            elif not continues:
                 self.find(Broken.SUSPENDED, self)
             resumed_s = bench.utc_s
         while bench.plan_status not in FINAL_STATUSES:
-            go_on()
+            proceed()
             if watch.ticks >= MAX_TICKS:
                 self.find(Broken.END, f"{self} does not end: {bench.status(PLAN_ID)}")
                 return
@@ -481,7 +481,7 @@ def _pause(duration_s: float) -> None:
 def _report_ticks(bench: MissionBench, sends: int) -> None:
     with os.fdopen(sends, "wb") as stream:
         while True:
-            bench.go_on()
+            bench.proceed()
             pickle.dump(_world(bench), stream)
             stream.flush()
 
@@ -529,9 +529,9 @@ def _kill_mission(
     with tempfile.TemporaryDirectory() as folder:
         for number in range(real):
             ticks = random.randint(1, max(1, reference.ticks - 2))
-            place = Path(folder) / str(number)
-            place.mkdir()
-            watch.taken.insert(0, killed_process(situation, resumes, ticks, random, place))
+            path = Path(folder) / str(number)
+            path.mkdir()
+            watch.taken.insert(0, killed_process(situation, resumes, ticks, random, path))
     for each in watch.taken:
         if kills.total() >= count:
             break

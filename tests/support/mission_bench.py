@@ -353,15 +353,15 @@ class MissionBench(PlanBench):
         """Resume the plan."""
         assert self.order(ResumePlan(PLAN_ID), number)
 
-    def go_on(self) -> None:
+    def proceed(self) -> None:
         """Let the operators do what is due, then one tick pass, or a wait until its end."""
         situation, sent = self.situation, len(self._sent)
         if 1 not in self._sent:
             self.order(SubmitPlan(situation.plan(self.resumes)), 1)
         if 2 not in self._sent:
             self.order(ActivatePlan(PLAN_ID), 2)
-        for number, (key, asked_s) in enumerate(self.seen.questions.items()):
-            if situation.answer is not None and self.utc_s >= asked_s + ANSWER_S:
+        for number, (key, opened_s) in enumerate(self.seen.questions.items()):
+            if situation.answer is not None and self.utc_s >= opened_s + ANSWER_S:
                 self.order(AnswerQuestion(PLAN_ID, key, situation.answer), 10 + number)
         if len(self._sent) == sent:
             self._jump()
@@ -412,9 +412,9 @@ class MissionBench(PlanBench):
                 yield from (at for name in names if (at := plan.number(name)) > self.utc_s)
                 if (until_utc_s := getattr(node, "until_utc_s", None)) is not None:
                     yield until_utc_s
-        for asked_s in self.seen.questions.values():
-            if self.utc_s < asked_s + ANSWER_S:
-                yield asked_s + ANSWER_S
+        for opened_s in self.seen.questions.values():
+            if self.utc_s < opened_s + ANSWER_S:
+                yield opened_s + ANSWER_S
         for text in ("10:14", "12:06", "2026-11-28T05:00:00Z"):
             if self.utc_s < utc(text) + 2 * STEP_S:
                 yield utc(text) + 2 * STEP_S

@@ -39,7 +39,7 @@ class FailedSync:
         pass
 
 
-def test_a_start_syncs_what_it_finds_in_the_log(tmp_path: Path) -> None:
+def test_a_start_syncs_the_log_that_it_finds(tmp_path: Path) -> None:
     left, synced = tmp_path / "left", tmp_path / "synced"
     for folder in (left, synced):
         folder.mkdir()
