@@ -35,6 +35,12 @@ CHOICES: Final = f"""
 DRAWS: Final = 6
 
 
+@pytest.fixture
+def no_maps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw no map, which takes a second."""
+    monkeypatch.setattr("sim.scenario.pictures.write_run", lambda *_: ())
+
+
 def _plan(folder: Path, content: str, name: str = "p") -> Path:
     path = folder / f"{name}.xml"
     text = f'<root BTCPP_format="4"><BehaviorTree ID="M">{content}</BehaviorTree></root>'
@@ -71,6 +77,7 @@ def test_a_sound_plan_completes_in_all_draws(tmp_path: Path) -> None:
     assert Path(report["worst"]["folder"], "map.png").is_file()
 
 
+@pytest.mark.usefixtures("no_maps")
 def test_drawn_answers_decide_branches_and_repeat(tmp_path: Path) -> None:
     """Answers, deadlines and branches are counted, and a run repeats."""
     path = _plan(tmp_path, CHOICES)
@@ -98,6 +105,7 @@ def test_drawn_answers_decide_branches_and_repeat(tmp_path: Path) -> None:
     assert other["worst"]["digest"] != worst["digest"]
 
 
+@pytest.mark.usefixtures("no_maps")
 def test_a_refused_begin_is_a_failed_run(tmp_path: Path) -> None:
     """A rover that does not accept the plan ends the run at once, with its reason."""
     report = _report(_plan(tmp_path, DRIVE), "--draws", "1", "--set", "world.charge=0", status=1)
@@ -107,6 +115,7 @@ def test_a_refused_begin_is_a_failed_run(tmp_path: Path) -> None:
     assert "SAFE" in group["reason"]
 
 
+@pytest.mark.usefixtures("no_maps")
 def test_a_plan_with_times_begins_before_them(tmp_path: Path) -> None:
     """Without `--at` the begin is one minute before the first time; with it a wait is late."""
     wait = '<WaitUntil utc="2026-11-27T09:00:00Z" late_s="60"/>'
