@@ -63,10 +63,13 @@ def execute(
         sim.campaign.cluster.ClusterError: a worker is lost.
     """
     root = checked_plan(trial)
-    runs = sorted(_results(trial, numbers, jobs), key=lambda run: run.draw)
+    if out is not None and len(numbers) == 1:
+        runs = [try_once(trial, numbers[0], _folder(out, numbers[0]))]
+    else:
+        runs = sorted(_results(trial, numbers, jobs), key=lambda run: run.draw)
     worst = worst_of(runs)
-    folder = None if out is None else out / f"draw-{worst.draw}"
-    if folder is not None and try_once(trial, worst.draw, folder) != worst:
+    folder = None if out is None else _folder(out, worst.draw)
+    if len(runs) > 1 and folder is not None and try_once(trial, worst.draw, folder) != worst:
         raise SettingsError(f"draw {worst.draw}, repeated, was not identical bit for bit")
     described = WorstRun(
         draw=worst.draw,
@@ -80,6 +83,10 @@ def execute(
     )
     begin = begin_utc_s(root, trial.begin_utc_s)
     return report_of(trial.plan.plan_id, root, begin, runs, described)
+
+
+def _folder(out: Path, number: int) -> Path:
+    return out / f"draw-{number}"
 
 
 def _results(trial: Trial, numbers: Sequence[int], jobs: int | None) -> Iterator[TrialResult]:
