@@ -301,6 +301,9 @@ class SimulatedJackal(SimulatedBody):
         """Let time pass; the last facts arrive at its end: of the battery, and the odometry."""
         super().skip(duration_s)
         self._report_battery()
+        if self._published is not None:
+            stamp_s = self._published.stamp_s + duration_s
+            self._due.append(replace(self._published, stamp_s=stamp_s))
         self._in_transit = deque(
             (due_s + duration_s, replace(each, stamp_s=each.stamp_s + duration_s))
             for due_s, each in self._in_transit

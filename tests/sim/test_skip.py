@@ -11,7 +11,7 @@ from executive.plans import FORMAT
 from executive.settings import load_settings
 from executive.values.reports import Identity, PlanStatus, Severity
 from sim.rover import World
-from sim.rover.faults import BatterySilent, OdometryDrift
+from sim.rover.faults import BatterySilent, OdometryDrift, OdometryJitter
 from sim.rover.lockstep import MAX_SKIP_S, LockStep
 
 BEGIN_UTC_S: Final = 1_795_000_000.0
@@ -81,3 +81,15 @@ def test_a_rover_that_does_not_rest_does_not_skip(lock: LockStep) -> None:
     lock.rover.clear(OdometryDrift)
     lock.rover.inject(BatterySilent())
     assert skipped_s()
+
+
+def test_delayed_odometry_is_not_silent_after_a_skip(lock: LockStep) -> None:
+    """The last odometry ages by the delay alone, and not by the skipped time."""
+    lock.rover.inject(OdometryJitter(stall_s=0.2))
+    skips = 0
+    for _ in range(400):
+        lock.run(lock.settings.tick_s)
+        skips += lock.skip() > 0
+    assert skips > 15
+    texts = [each.text for each in lock.downlink_record.reports]
+    assert not [text for text in texts if "odometry" in text]
