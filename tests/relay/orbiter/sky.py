@@ -194,8 +194,10 @@ class FarRover:
 
     async def question(self, utc_s: float, **questions: Question) -> None:
         """Send the open questions, each of the plan of its name."""
-        asked = {plan_id: (each,) for plan_id, each in questions.items()}
-        await self._send(questions_message(asked, utc_s, DICTIONARY.spelling.questions, self.name))
+        by_plan = {plan_id: (each,) for plan_id, each in questions.items()}
+        await self._send(
+            questions_message(by_plan, utc_s, DICTIONARY.spelling.questions, self.name)
+        )
 
     def _report(
         self,

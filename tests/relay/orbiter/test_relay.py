@@ -1,6 +1,7 @@
 import asyncio
 from collections.abc import Iterable
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import pytest
@@ -169,7 +170,7 @@ async def test_a_repeat_receives_the_known_reports_and_is_uplinked_once(tmp_path
 
 async def test_what_cannot_go_is_refused_at_the_orbiter(tmp_path: Path) -> None:
     sky = Sky(tmp_path, "jackal")
-    plan = SubmitPlan(PlanDefinition("p", "p", "BTCPP4", b"<root/>" * 1000))
+    plan = SubmitPlan(PlanDefinition("p", "p", "BTCPP4", Random(1).randbytes(8000)))
     async with orbiting(sky) as (relay, (station,)), await ground(station) as client:
         for request in (LONG, plan):
             error = await refusal(client, request)
