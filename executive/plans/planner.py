@@ -47,7 +47,12 @@ from executive.plans.plan_lifecycle import (
     check_status,
     source_states,
 )
-from executive.plans.recovery import MAX_RESTARTS, continued_state, recover_state
+from executive.plans.recovery import (
+    MAX_RESTART_DISTANCE_M,
+    MAX_RESTARTS,
+    continued_state,
+    recover_state,
+)
 from executive.plans.state import PlanState, StateError, decode, encode, shifted
 from executive.plans.steering import MAX_NAMED, check_steering, steered
 from executive.record import Notifications, PlanStore, StoredState
@@ -298,28 +303,39 @@ class Planner:
     def _resume_restarted(self, plan_id: str) -> bool:
         """Resume a plan that continues by itself after a restart, as soon as the pose is known."""
         position, plan = self._surroundings.position, self._plans[plan_id]
-        if self._surroundings.is_held or self._clock.now_s() > self._restarted_s + RESTART_S:
+        if self._surroundings.is_held:
             self._await_operators()
             return False
+        late = self._clock.now_s() > self._restarted_s + RESTART_S
         waits = position is None or self._surroundings.awaits_battery
-        if position is None or waits or not self._store.is_durable(plan.batch):
+        if (waits and not late) or not self._store.is_durable(plan.batch):
             return False
-        found = continued_state(self._store, plan_id, position, self._clock.utc_s())
-        root = None if found is None else self.root(plan_id)
-        if found is None or root is None:
+        found = self._continued(plan_id, None if late else position)
+        if isinstance(found, Refusal):
             self._await_operators()
-            return False
-        stored, state = found
-        if (low := self._surroundings.check_energy(root, state.ended)) is not None:
-            self._await_operators()
-            text = f"plan {plan_id} does not continue by itself: {low.text}"
-            self._notifications.report_event(Severity.WARNING, text, low.reason, low.figures)
+            text = f"plan {plan_id} does not continue by itself: {found.text}"
+            self._notifications.report_event(Severity.WARNING, text, found.reason, found.figures)
             return True
+        stored, state = found
         self._restarted = None
         self._store.save_state(plan_id, stored)
         text = f"resumed after a restart, {state.restarts} of {MAX_RESTARTS}"
         self._change(plan, PlanEvent.RESUME, text)
         return True
+
+    def _continued(
+        self, plan_id: str, position: tuple[float, float] | None
+    ) -> tuple[StoredState, PlanState] | Refusal:
+        """Return the state of a plan that continues by itself, or why it does not."""
+        if position is None:
+            text = f"its position was not certain within {RESTART_S:.0f} s"
+            return Refusal(Reason.POSE_UNCERTAIN, text)
+        found = continued_state(self._store, plan_id, position, self._clock.utc_s())
+        root = self.root(plan_id)
+        if found is None or root is None:
+            text = f"the rover is more than {MAX_RESTART_DISTANCE_M:g} m from its stored position"
+            return Refusal(Reason.POSE_UNCERTAIN, text)
+        return self._surroundings.check_energy(root, found[1].ended) or found
 
     def _save(self, run: ActiveRun, suspended: bool = False) -> None:
         stored = run.changed_state(self._clock, suspended)

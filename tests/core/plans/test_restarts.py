@@ -8,6 +8,7 @@ import pytest
 
 from executive.commands import ResumePlan, Stop, SuspendPlan
 from executive.commands.catalogue import Resume
+from executive.values.geometry import Pose
 from executive.values.reports import PlanStatus, Stage
 from tests.support.kinematic import STEP_S
 from tests.support.plans import PlanBench, plan, xml
@@ -119,6 +120,40 @@ def test_the_link_is_not_up_before_the_first_contact_after_a_restart(bench: Plan
     bench.executive.ground.record_contact()
     bench.run(0.5)
     assert len(bench.commanded()) == 1
+
+
+def why_not(bench: PlanBench) -> list[str]:
+    texts = (
+        each.text.partition("does not continue by itself: ") for each in bench.received.reports
+    )
+    return [why for _, found, why in texts if found]
+
+
+@pytest.mark.parametrize(("stored_m", "here_m"), [(0.15, 0.01), (0.15, 0.03), (0.015, 0.01)])
+def test_odometry_at_its_origin_may_have_restarted(
+    bench: PlanBench, stored_m: float, here_m: float
+) -> None:
+    bench.rover.pose = Pose(stored_m)
+    begin(bench)
+    bench.executive.simulate_crash()
+    bench.rover.pose = Pose(here_m)
+    bench.restart()
+    restarted = here_m < 0.02 <= stored_m - here_m
+    assert continues(bench) is not restarted
+    bench.run(61.0)
+    why = ["its position was not certain within 60 s"] * restarted
+    assert why_not(bench) == why
+
+
+def test_a_rover_far_from_its_stored_position_is_reported(bench: PlanBench) -> None:
+    begin(bench, f'<Sequence><moveForward distance="50" deadline_s="600"/>{BACK}</Sequence>')
+    bench.run(1.0)
+    bench.executive.simulate_crash()
+    bench.clock.advance(5.0)
+    bench.rover.pose = Pose(bench.rover.pose.x_m + 2.5)
+    bench.restart()
+    assert not continues(bench)
+    assert why_not(bench) == ["the rover is more than 1.5 m from its stored position"]
 
 
 def test_a_suspended_plan_leaves_no_growing_record(bench: PlanBench) -> None:
