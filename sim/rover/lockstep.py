@@ -209,7 +209,8 @@ class LockStep:
         next tested after the skip, and a rover on a slope does not creep. A skip ends before the
         next timer of a plan, a tick before a whole second, and begins `MEASURED_S` after one: in
         between all sensors are measured as usual. Call it after each tick; at other times, and if
-        the rover does not rest, it returns 0.
+        the rover does not rest, it returns 0, and always with a second odometry, which
+        would be silent during a skip.
         """
         if not self._waits:
             self._rested_since_s = inf
@@ -236,6 +237,7 @@ class LockStep:
             and not busy
             and executive.velocity == STANDING
             and isinstance(self.rover, SimulatedJackal)
+            and self.settings.sensors.second_odometry is None
             and self.rover.resting
         )
 

@@ -1,5 +1,6 @@
 """`LockStep.skip`: hours of standing pass at once, and change nothing that is not documented."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -8,7 +9,7 @@ import pytest
 from executive.commands import ActivatePlan, Command, PlanDefinition, Request, SubmitPlan
 from executive.commands.lifecycle import Accepted
 from executive.plans import FORMAT
-from executive.settings import load_settings
+from executive.settings import SecondOdometrySettings, load_settings
 from executive.values.reports import Identity, PlanStatus, Severity
 from sim.rover import World
 from sim.rover.faults import BatterySilent, OdometryDrift, OdometryJitter
@@ -93,3 +94,14 @@ def test_delayed_odometry_is_not_silent_after_a_skip(lock: LockStep) -> None:
     assert skips > 15
     texts = [each.text for each in lock.downlink_record.reports]
     assert not [text for text in texts if "odometry" in text]
+
+
+def test_a_rover_with_second_odometry_does_not_skip(tmp_path: Path) -> None:
+    """Its monitor would report it as silent."""
+    settings = load_settings("jackal")
+    sensors = replace(settings.sensors, second_odometry=SecondOdometrySettings(rate_hz=2.0))
+    lock = LockStep(replace(settings, sensors=sensors), World(), tmp_path, skips=True)
+    for _ in range(100):
+        lock.run(lock.settings.tick_s)
+        assert lock.skip() == 0.0
+    assert not lock.downlink_record.reports
