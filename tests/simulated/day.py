@@ -230,18 +230,16 @@ def day_settings() -> Settings:
     settings = load_settings("jackal")
     faults = settings.faults
     untimed = ("odometry_lags_sensors", "odometry_late", "odometry_rate_low")
-    silent = ("odometry_silent", "joints_silent", "imu_silent", "laser_silent")
+    silent = ("odometry_silent", "joints_silent", "imu_silent", "battery_silent")
     assert set(untimed) <= set(UNTIMED)
     rejected = tuple(f"{name}_rejected" for name in ("odometry", "imu", "joints", "laser"))
     rows = {
         name: replace(getattr(faults, name), reaction=Reaction.IGNORE)
-        for name in (*untimed, *silent[:3], *rejected)
+        for name in (*untimed, *silent, *rejected)
     }
     rows["odometry_stale"] = with_figures(faults.odometry_stale, above=_STALE_S)
-    rows["laser_silent"] = with_figures(faults.laser_silent, above=_STALE_S)
-    rows["obstacle_ahead"] = faults.obstacle_ahead
     for name in ("obstacle_ahead", "laser_silent"):
-        rows[name] = replace(rows[name], reaction=Reaction.PAUSE)
+        rows[name] = replace(getattr(faults, name), reaction=Reaction.PAUSE)
     return replace(
         settings,
         status_interval_s=60.0,
