@@ -12,7 +12,7 @@ from adapters.mrs.spec import AreaError
 from executive.commands import ActivatePlan, SubmitPlan
 from executive.values.plan_nodes import NodeStatus
 from tests.mrs.aboard import Aboard, raises
-from tests.support.plans import plan
+from tests.support.plans import AHEAD, plan
 
 pytestmark = pytest.mark.usefixtures("running")
 
@@ -69,3 +69,20 @@ def test_the_status_of_a_named_plan_lists_its_nodes(running: Aboard, tmp_path: P
     ended = rover("status", "crossing", *to).output
     assert "answered turn back" in ended
     assert ended.count("SUCCESS") == 4
+
+
+@pytest.mark.parametrize("utc", ["9999-12-31T23:59:59Z", "1e300"])
+async def test_times_beyond_those_of_the_wire_are_reported(client: MrsClient, utc: str) -> None:
+    body = f'<Window until="{utc}"><WaitUntil utc="{utc}"/></Window>'
+    await client.run(client.command(SubmitPlan(plan(f"<Sequence>{body}{AHEAD}</Sequence>"))))
+    await client.run(client.command(ActivatePlan("survey")))
+    nodes = await client.get_plan_nodes("survey")
+    while nodes[0].status is NodeStatus.IDLE:
+        nodes = await client.get_plan_nodes("survey")
+    assert [each.kind for each in nodes] == [
+        "SubTree",
+        "Sequence",
+        "Window",
+        "WaitUntil",
+        "moveForward",
+    ]

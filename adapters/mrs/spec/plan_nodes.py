@@ -1,11 +1,16 @@
 """Converts the nodes of plans to the wire and back."""
 
+from typing import Final
+
 from adapters.mrs.spec import types
 from adapters.mrs.spec.core_values import reason_of, utc_s_of
 from adapters.mrs.spec.mapping import to_ns
 from executive.commands.intake import source_of
 from executive.values.plan_nodes import PlanNodeReport, Question
 from executive.values.reports import Identity
+
+LAST_UTC_S: Final = 5e9
+"""Latest time of a report, in 2128: a plan may wait until any time, a MAL time ends in 2137."""
 
 
 def wire_node(node: PlanNodeReport) -> types.PlanNode:
@@ -65,7 +70,7 @@ def _question(question: Question) -> types.PlanQuestion:
 
 
 def _ns(utc_s: float | None) -> int | None:
-    return None if utc_s is None else to_ns(utc_s)
+    return None if utc_s is None else to_ns(min(max(utc_s, 0.0), LAST_UTC_S))
 
 
 def _utc_s(time_ns: int | None) -> float | None:
