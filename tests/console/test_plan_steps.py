@@ -138,3 +138,10 @@ def test_other_plans_have_no_list(body: str, kind: str) -> None:
     assert isinstance(found, PlanNode)
     assert found.location.name == kind
     assert commands_of(read(xml(body))) is None
+
+
+def test_a_plan_that_continues_after_a_restart_has_no_list_that_would_lose_it() -> None:
+    text = xml(f"<Sequence>{AHEAD}</Sequence>")
+    resumes = text.replace(b"<root", b'<root after_restart="resume"')
+    assert isinstance(steps_of(read(text), text), tuple)
+    assert isinstance(steps_of(read(resumes), resumes), PlanRoot)

@@ -22,7 +22,15 @@ from adapters.console.requests.plan_steps import DraftStep, WrittenStep, sequenc
 from adapters.console.web import RequestError, body_of, invalid, is_number, json_response, text_of
 from adapters.mrs.spec import PlanPreview
 from executive.commands import PlanDefinition, Waypoint
-from executive.plans import CellReference, PlanNode, Script, check_bounds, nodes, read_plan
+from executive.plans import (
+    CellReference,
+    PlanNode,
+    PlanRoot,
+    Script,
+    check_bounds,
+    nodes,
+    read_plan,
+)
 from executive.settings import config_folder
 from executive.values.plan_nodes import PlanNodeReport
 from executive.values.reasons import Refusal
@@ -180,8 +188,7 @@ class DraftRequests:
             if isinstance(found, tuple):
                 steps = found
             else:
-                location, outline = found.location, outline_of(root)
-                not_steps = f"line {location.line}: {location.name} is no step of a single sequence"
+                outline, not_steps = outline_of(root), _objection(found)
         problem = None if refusal is None else _problem(refusal, steps, "xml" not in body)
         preview, not_previewed = None, None
         if problem is None and body.get("preview", True):
@@ -199,6 +206,13 @@ class DraftRequests:
                 return await self._commanding.preview_plan(asset, plan), None
         except RequestError as error:
             return None, error.problem.error
+
+
+def _objection(node: PlanNode) -> str:
+    """Return why a plan with this node has no list of steps."""
+    if isinstance(node, PlanRoot):
+        return "it continues after a restart (after_restart), which only its XML can say"
+    return f"line {node.location.line}: {node.location.name} is no step of a single sequence"
 
 
 def outline_of(root: PlanNode) -> tuple[OutlineNode, ...]:

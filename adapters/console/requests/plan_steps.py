@@ -140,10 +140,14 @@ def _item(item: Any) -> str:
 def steps_of(root: PlanRoot, content: bytes) -> tuple[DraftStep, ...] | PlanNode:
     """Return the steps of a plan that is one sequence, or the first node that prevents that.
 
+    That is the root if the plan continues by itself after a restart: a list cannot say so.
+
     Args:
         root: the plan that was read.
         content: its text, which has the ports as they are written.
     """
+    if root.resumes:
+        return root
     (main,), text = root.children, read_xml(content)
     trees = trees_of(text)
     (element,) = trees[main_tree(text, trees)].children
