@@ -6,6 +6,7 @@ import pickle
 import signal
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from subprocess import PIPE
@@ -163,6 +164,22 @@ async def test_checks_run_one_at_a_time_and_end_with_their_client(
         texts.append(str(exceeded.value))
     assert "the check exceeded 0.1 s" in texts[-1]
     assert not children() - before
+
+
+async def test_a_killed_trial_leaves_no_files(
+    client: MrsClient, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(
+        plan_check_service, "START", f"import tempfile; tempfile.mkdtemp(); {SLEEPS}"
+    )
+    running = asyncio.create_task(client.check_plan(GOOD, TRY))
+    await until(lambda: any(tmp_path.glob("rover-check-*/tmp*")))
+    (child,) = children()
+    os.killpg(child, signal.SIGKILL)
+    with pytest.raises(MalError, match="ended with status -9"):
+        await running
+    assert not any(tmp_path.glob("rover-check-*"))
 
 
 async def test_a_check_ends_with_the_link(

@@ -5,8 +5,8 @@ import os
 import pickle
 import signal
 import sys
-from contextlib import suppress
-from typing import Final
+from contextlib import nullcontext, suppress
+from tempfile import TemporaryDirectory
 
 from adapters.mal import CallContext
 from adapters.mrs import spec as wire
@@ -14,8 +14,6 @@ from adapters.mrs.aboard.served_operations import ServedOperations
 from adapters.mrs.plan_checks import START, CheckRequest, check_from
 from adapters.mrs.spec import CHECK_LIMIT_S, DRAWS, MAX_DRAWS, AreaError, PlanCheckLevel, with_text
 from executive.settings import Settings
-
-MAX_ANSWER_OCTETS: Final = 1 << 20
 
 
 class PlanCheckService:
@@ -60,18 +58,20 @@ class PlanCheckService:
         request = CheckRequest(level, definition, self._settings, draws or DRAWS, begin_utc_s)
         self._is_busy = True
         try:
-            return (await self._run(request),)
+            with _files() if level is PlanCheckLevel.TRY else nullcontext() as folder:
+                return (await self._run(request, folder),)
         finally:
             self._is_busy = False
 
-    async def _run(self, request: CheckRequest) -> wire.PlanCheck:
-        """Return the answer of a new process, which has ended then."""
+    async def _run(self, request: CheckRequest, folder: str | None) -> wire.PlanCheck:
+        """Return the answer of a new process with its files in a folder; it has ended then."""
         limit_s = self._limit_s[request.level]
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
         process = await asyncio.create_subprocess_exec(
             *(sys.executable, "-P", "-c", START),
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            env=environment if folder is None else {**environment, "TMPDIR": folder},
             process_group=0,
         )
         assert process.stdin is not None
@@ -93,3 +93,8 @@ class PlanCheckService:
                 with suppress(asyncio.CancelledError):
                     await asyncio.wait({ended})
         return check_from(octets, status)
+
+
+def _files() -> TemporaryDirectory[str]:
+    """Return a folder for simulated runs: a killed process does not remove its files."""
+    return TemporaryDirectory(prefix="rover-check-", ignore_cleanup_errors=True)
