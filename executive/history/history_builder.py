@@ -79,7 +79,7 @@ class HistoryBuilder:
         self._situations: deque[Situation] = deque(maxlen=maximum)
         self._leaves: deque[LeafRun] = deque(maxlen=maximum)
         self._running: dict[str, LeafRun] = {}
-        self._shown: dict[str, str] = {}
+        self._shown: dict[str, tuple[str, bool]] = {}
         self._behind_since_utc_s: float | None = None
         self._behind = False
         self._fastest: dict[Identity, float] = {}
@@ -203,13 +203,13 @@ class HistoryBuilder:
     def _follow_plan(self, node: TreeNodeState) -> None:
         """Note the commands of a plan's node, and its decisions, each while it is in force."""
         shown = node.message if node.message.startswith(_OF_PLANS) else ""
-        run, is_new = self._running.get(node.path), shown != self._shown.get(node.path, "")
-        self._shown[node.path] = shown
-        if run is not None and is_new:
+        runs, (before, ran) = node.status == _RUNNING, self._shown.get(node.path, ("", False))
+        self._shown[node.path] = shown, runs
+        if shown != before or (runs and not ran):
             self._end_leaf(node.path)
-        if shown and is_new:
-            self._running[node.path] = LeafRun(node.path, self._utc_s, None, shown)
-        if node.status != _RUNNING:
+            if shown:
+                self._running[node.path] = LeafRun(node.path, self._utc_s, None, shown)
+        if not runs:
             self._end_leaf(node.path)
 
     def _end_leaf(self, path: str) -> None:

@@ -58,8 +58,8 @@ def node_reports(
         record = records.get(number, NodeRecord(number))
         detail = details.get(number, NodeDetail(number))
         continues = executes or node.kind.name in _ABSOLUTE
-        next_utc_s = detail.next_utc_s if continues else None
-        is_open = at.path in state.questions
+        next_utc_s = detail.next_utc_s if continues and letters[number:][:1] == "R" else None
+        is_open = at.path in state.questions and at.path not in dict(state.answers)
         found.append(
             PlanNodeReport(
                 at.path,

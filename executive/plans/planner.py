@@ -51,6 +51,7 @@ from executive.plans.recovery import (
     MAX_RESTART_DISTANCE_M,
     MAX_RESTARTS,
     continued_state,
+    ended_state,
     recover_state,
 )
 from executive.plans.state import PlanState, StateError, decode, encode, shifted
@@ -469,6 +470,9 @@ class Planner:
         else:
             stored, _ = self._stored(plan.plan_id, root)
             self._store.save_state(plan.plan_id, replace(stored, text=encode(state)))
+            known, given = self._active.questions.get(plan.plan_id, ()), dict(state.answers)
+            left = (each for each in known if each.key not in given)
+            self._active.questions[plan.plan_id] = tuple(left)
         self._notify(plan, text)
         return text
 
@@ -543,7 +547,8 @@ class Planner:
         """
         MACHINE.events[event.value].trigger(plan)
         if plan.state in FINAL_STATUSES:
-            self._store.end(plan.plan_id, plan.final_state)
+            final = plan.final_state or ended_state(self._store, plan.plan_id)
+            self._store.end(plan.plan_id, final)
             self._active.questions.pop(plan.plan_id, None)
         self._notify(plan, text)
         if plan.state is not PlanStatus.ACTIVATED:

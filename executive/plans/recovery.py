@@ -75,6 +75,16 @@ def continued_state(
     return replace(stored, utc_s=utc_s, text=encode(state)), state
 
 
+def ended_state(store: PlanStore, plan_id: str) -> StoredState | None:
+    """Return the state to store of a plan that ends while it is suspended; None to leave it."""
+    stored = store.state(plan_id)
+    try:
+        found = None if stored is None else decode(stored.text).at_end()
+    except StateError:
+        return None
+    return None if stored is None or found is None else replace(stored, text=encode(found))
+
+
 def _ended(store: PlanStore, plan_id: str, command: StateCommand) -> StateCommand | None:
     report = store.last_report(plan_id, command.command_id)
     if report is None or report.stage is None or not report.stage.terminal:

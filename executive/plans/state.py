@@ -82,7 +82,8 @@ class PlanState(NamedTuple):
 
     def at_end(self) -> "PlanState":
         """Return the part that is stored after the end of the plan."""
-        tree = None if self.tree is None else TreeState(self.tree.statuses, (), (), ())
+        statuses = "" if self.tree is None else self.tree.statuses.replace("R", "I")
+        tree = None if self.tree is None else TreeState(statuses, (), (), ())
         return PlanState(tree, last=self.last, settled=self.settled, records=self.records)
 
 

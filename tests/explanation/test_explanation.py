@@ -267,3 +267,16 @@ def test_a_node_of_a_plan_is_explained_by_its_decisions(tmp_path: Path) -> None:
         "there/moveForward 2 gave plan:survey:2"
         in typed(why, "moveForward 2", "--file", path).output
     )
+
+
+def test_each_cycle_of_a_loop_has_its_decision(tmp_path: Path) -> None:
+    never = '<ScriptCondition name="never" code="1 == 2"/>'
+    cycle = (
+        f'<Sequence><Fallback name="there">{never}{AHEAD}</Fallback><Sleep msec="200"/></Sequence>'
+    )
+    path = tmp_path / "run.mcap"
+    with closing(RunFile(path)) as tape, PlanBench(tmp_path, tape=tape) as bench:
+        bench.outcome(f'<Repeat num_cycles="2">{cycle}</Repeat>')
+    for number in (1, 2):
+        shown = typed(why, f"plan:survey:{number}", "--file", path).output
+        assert "there took the second branch moveForward: never: not 1 == 2" in shown

@@ -153,21 +153,19 @@ class ParallelBranch(PlanBehaviour):
 
 
 class ConditionalBranch(PlanBehaviour):
-    """Runs the second or third child, as the first one succeeds or fails.
-
-    `IfThenElse` tests the first child once, `WhileDoElse` in each tick.
+    """`IfThenElse`: tests its first child once, then runs the second or third one.
 
     Attributes:
         current: the branch that runs; 0 before the condition has ended.
     """
 
-    memory = ("current",)
+    memory: ClassVar[tuple[str, ...]] = ("current",)
     current = 0
 
     def run(self) -> Answer:
         """Tick the condition if it is to be tested, then the branch that it selects."""
         self.status = RUNNING
-        if self.current == 0 or self.plan.kind.name == "WhileDoElse":
+        if self.current == 0 or not self.memory:
             answer = self.nodes[0].execute()
             if answer is RUNNING:
                 return RUNNING
@@ -176,8 +174,9 @@ class ConditionalBranch(PlanBehaviour):
                 self.reset_children()
                 self.current = 0
                 return answer
-            if self.current not in {0, selected}:
-                self.nodes[self.current].reset()
+            for other in self.nodes[1:]:
+                if other is not self.nodes[selected]:
+                    other.reset()
             self.current = selected
             if selected != self._choice:
                 text = f"took {self.nodes[selected].name}: {self.cause_of(self.nodes[0], answer)}"
@@ -187,6 +186,12 @@ class ConditionalBranch(PlanBehaviour):
             self.reset_children()
             self.current = 0
         return answer
+
+
+class RepeatedBranch(ConditionalBranch):
+    """`WhileDoElse`: tests its first child in each tick, and has no state of its own."""
+
+    memory = ()
 
 
 class Switch(PlanBehaviour):

@@ -160,5 +160,6 @@ class CommandLeaf(TimedLeaf):
 
     def on_load(self) -> None:
         """Show the last command; the deadline starts again."""
+        super().on_load()
         self.deadline_s = None
         self.feedback_message = self.context.port.command_text(self.step)

@@ -135,7 +135,7 @@ class PlanBehaviour(Behaviour):
         self.context.executed += 1
         before = self.status
         if before is IDLE and (self._decided or self.unknown):
-            self._decided, self.unknown, self.feedback_message = False, "", ""
+            self._forget_decision()
         answer = self._execute_guarded() if self._guarded else self._run_contained()
         if answer is not SKIPPED:
             self.status = answer
@@ -183,8 +183,11 @@ class PlanBehaviour(Behaviour):
 
     def on_load(self) -> None:
         """Continue after its state was loaded, with the decision that it took."""
-        if self.status is RUNNING and self.context.records is not None:
-            self.feedback_message = self.context.records.decision(self.plan)
+        records = self.context.records
+        decision = "" if records is None else records.decision(self.plan)
+        self._choice, self._decided = decision or None, bool(decision)
+        if self.status is RUNNING:
+            self.feedback_message = decision
 
     def on_halt(self) -> None:
         """Give the attributes of its state their initial values."""
@@ -297,11 +300,15 @@ class PlanBehaviour(Behaviour):
         """Note that it began, or ended."""
         records, result = self.context.records, _RESULTS[self.status]
         if result:
-            self._choice, self._last = None, self.status
+            self._last = self.status
         if records is not None:
-            if begins and not self._decided:
-                records.note_decision(self.plan, "")
             records.note(self.plan, begins, result, self.context.port.why)
+
+    def _forget_decision(self) -> None:
+        """Begin without the decision of the last time."""
+        if self._decided and (records := self.context.records) is not None:
+            records.note_decision(self.plan, "")
+        self._choice, self._decided, self.unknown, self.feedback_message = None, False, "", ""
 
     def _run_contained(self) -> Answer:
         """Run; a value that is not known or not valid fails the node."""

@@ -9,7 +9,14 @@ import pytest
 
 from adapters.recording import RunFile
 from adapters.recording.replay import replay
-from executive.commands import AnswerQuestion, ResumePlan, RetryNode, SkipNode, SuspendPlan
+from executive.commands import (
+    AbortPlan,
+    AnswerQuestion,
+    ResumePlan,
+    RetryNode,
+    SkipNode,
+    SuspendPlan,
+)
 from executive.plans import NodeRecords, nodes, read_plan
 from executive.plans.node_records import read_records
 from executive.values.clock import ManualClock
@@ -38,7 +45,7 @@ def table(bench: PlanBench) -> dict[str, PlanNodeReport]:
     return {each.path.rpartition("/")[2]: each for each in found}
 
 
-def test_a_fallback_says_which_branch_it_took_and_why(bench: PlanBench) -> None:
+def test_a_fallback_reports_which_branch_it_took_and_why(bench: PlanBench) -> None:
     assert bench.outcome(FALLBACK) is PlanStatus.COMPLETED
     found = table(bench)
     late, back, there = found["moveForward"], found["back"], found["there"]
@@ -127,6 +134,61 @@ def test_a_branch_is_shown_after_a_restart(bench: PlanBench) -> None:
     bench.request(ResumePlan("survey"))
     bench.run(0.5)
     assert [each.message for each in bench.nodes() if each.name == "there"] == [before]
+
+
+def test_the_branch_of_an_earlier_cycle_is_not_shown(bench: PlanBench) -> None:
+    check = '<Fallback name="f"><ScriptCondition code="n == 1"/><AlwaysSuccess/></Fallback>'
+    cycle = f'<Sequence>{check}<Script code="n += 1"/><Sleep msec="1000"/></Sequence>'
+    loop = f'<Script code="n := 0"/><Repeat num_cycles="3">{cycle}</Repeat>'
+    bench.begin(f"<Sequence>{loop}{AHEAD}</Sequence>", 0.5)
+    shown = []
+    for _ in range(3):
+        shown.append(table(bench)["f"].decision.partition(":")[0])
+        bench.run(1.0)
+    assert shown == ["took the second branch AlwaysSuccess", "", shown[0]]
+
+
+def test_the_branch_of_before_a_suspension_is_not_shown_for_another(bench: PlanBench) -> None:
+    bench.voltage_v = 23.0
+    full = '<ScriptCondition code="@BATERY_VOLTAGE &gt; 24"/><Sleep msec="60000"/>'
+    bench.begin(
+        f'<ReactiveFallback name="f"><Sequence name="a">{full}</Sequence>{AHEAD}</ReactiveFallback>'
+    )
+    assert table(bench)["f"].decision.startswith("took the second branch moveForward")
+    bench.request(SuspendPlan("survey"))
+    bench.voltage_v = 26.0
+    bench.run(1.0)
+    bench.request(ResumePlan("survey"))
+    bench.run(0.5)
+    assert table(bench)["f"].decision == "took the first branch a: a no longer fails"
+
+
+def test_an_answer_to_a_suspended_plan_ends_its_question(bench: PlanBench) -> None:
+    bench.begin(ASKS)
+    bench.request(SuspendPlan("survey"))
+    bench.run(0.5)
+    assert table(bench)["ditch"].question is not None
+    bench.request(AnswerQuestion("survey", "ditch", "cross"))
+    bench.run(0.5)
+    assert table(bench)["ditch"].question is None
+    assert bench.executive.plan_questions["survey"] == ()
+    assert bench.resumed() is PlanStatus.COMPLETED
+    assert table(bench)["ditch"].decision == "answered cross"
+
+
+def test_nothing_runs_after_the_abort_of_a_killed_plan(
+    bench: PlanBench,
+) -> None:
+    bench.begin(ASKS)
+    bench.crash()
+    bench.run(0.5)
+    assert table(bench)["ditch"].question is not None
+    bench.request(AbortPlan("survey"))
+    bench.run(0.5)
+    found = table(bench)
+    assert {each.status for each in found.values()} == {NodeStatus.IDLE}
+    assert (found["ditch"].question, found["ditch"].next_utc_s) == (None, None)
+    assert found["ditch"].tries == 1
 
 
 def test_a_skipped_node_has_not_begun_and_a_retried_one_begins_again(bench: PlanBench) -> None:

@@ -12,6 +12,7 @@ from executive.values.geometry import Pose
 from executive.values.reports import PlanStatus, Stage
 from tests.support.kinematic import STEP_S
 from tests.support.plans import PlanBench, plan, xml
+from trees.plan.tree import NODES
 
 SLEEP = '<Sleep msec="60000"/>'
 BACK = '<moveForward distance="-0.3" deadline_s="60"/>'
@@ -175,3 +176,25 @@ def sizes(bench: PlanBench) -> tuple[object, ...]:
         bench.ledger.rows("SELECT count(*) FROM plan_steps"),
         len(bench.received.reports) + len(bench.received.plans),
     )
+
+
+STORED = {
+    "count |": "Repeat RetryUntilSuccessful",
+    "current skipped catching |": "TryCatch",
+    "current skipped |": "AsyncFallback AsyncSequence Fallback Sequence SequenceWithMemory",
+    "current |": "IfThenElse",
+    "ended good bad |": "Parallel ParallelAll",
+    "inside |": "Precondition",
+    "left busy |": "LoopDouble LoopPlace LoopString",
+    "running |": "Switch2 Switch3 Switch4 Switch5 Switch6",
+    "until_utc_s |": "Ask WaitFor",
+    "was |": "RunOnce",
+    "| until_s": "Delay Sleep Timeout",
+}
+"""Stored attributes and timers of the nodes, in their order: rovers have states with them."""
+
+
+def test_states_of_earlier_versions_have_the_attributes_of_the_nodes() -> None:
+    stored = {name: attributes for attributes, names in STORED.items() for name in names.split()}
+    found = {name: " ".join((*kind.memory, "|", *kind.timers)) for name, kind in NODES.items()}
+    assert {name: each for name, each in found.items() if each != "|"} == stored
