@@ -2,10 +2,21 @@
 
 import gzip
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 from playwright.async_api import expect
 
+from adapters.console.rovers import rover_link
+from adapters.console.rovers.rover_link import LinkListener, RoverLink
+from adapters.mal import MalError, StandardError
+from adapters.mrs.ground import MrsClient
+from adapters.mrs.spec import AreaError, AssetInfo, with_text
+from adapters.mrs.transport import CLEAR
+from adapters.system import OPERATING_SYSTEM as SYSTEM
+from executive.values.plan_nodes import NodeStatus, PlanNodeReport, Question
+from executive.values.reports import PlanStatus, PlanUpdate
 from tests.console.consoles import JsonMessage, Operator, at_console
 from tests.console.site import open_browser
 from tests.console.test_theme_page import AXE, violations
@@ -67,6 +78,47 @@ async def test_the_default_and_a_withdrawal_end_a_question(rover: Aboard, tmp_pa
         await anna.send("x", "abortPlan", plan_id="survey")
         await anna.page.until(lambda each: "ends without an answer" in each.get("text", ""))
         await anna.page.until(has_ended)
+
+
+class Deaf:
+    """A rover with a question, which answers late once; a console that notes the open ones."""
+
+    def __init__(self) -> None:
+        self.answers: list[str] = []
+        self.plans = [PlanUpdate("survey", PlanStatus.EXECUTING, 0.0, "", 0, 1, "")]
+        self.errors: list[MalError] = []
+
+    async def get_plan_status(self) -> list[PlanUpdate]:
+        return self.plans
+
+    async def get_plan_nodes(self, _: str) -> tuple[PlanNodeReport, ...]:
+        if self.errors:
+            raise self.errors.pop(0)
+        question = Question("ditch", "cross it?", ("cross", "stay"), None, None)
+        return (PlanNodeReport("ditch", "Ask", 3, NodeStatus.RUNNING, question=question),)
+
+    def on_plan_nodes(self, _: RoverLink, __: str, nodes: tuple[PlanNodeReport, ...]) -> None:
+        self.answers.append(", ".join(each.path for each in nodes))
+        if len(self.answers) % 2 == 0:
+            raise ConnectionError("lost")
+
+
+async def test_only_a_plan_without_nodes_ends_its_questions(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(rover_link, "STATUS_S", 0.0)
+    rover = Deaf()
+    link = RoverLink("maltcp://127.0.0.1:1/MRS", CLEAR, cast("LinkListener", rover), SYSTEM)
+    link.info = cast("AssetInfo", SimpleNamespace(asset="jackal"))
+    rover.errors = [MalError(StandardError.DELIVERY_TIMEDOUT), with_text(AreaError.REJECTED, "?")]
+    with pytest.raises(ConnectionError):
+        await link._poll_questions(cast("MrsClient", rover))
+    assert rover.answers == ["ditch", "ditch"]
+    rover.plans, rover.errors = [], [with_text(AreaError.NOT_FOUND, "survey")]
+    rover.answers = [""]
+    with pytest.raises(ConnectionError):  # it was removed while the link was lost
+        await link._poll_questions(cast("MrsClient", rover))
+    assert rover.answers == ["", ""]
 
 
 @pytest.mark.slow

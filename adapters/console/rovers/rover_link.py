@@ -12,6 +12,7 @@ from adapters.console.messages import LinkKind, LinkState
 from adapters.mal import CertificateError, MalError, StandardError
 from adapters.mrs.ground import NEXT_CONTACT, FileNotification, MrsClient, Stream
 from adapters.mrs.spec import (
+    AreaError,
     AssetInfo,
     AssetStatus,
     AuthorityStatus,
@@ -41,6 +42,12 @@ DIRECTORY_S: Final = 5.0
 """Poll interval of the directory of registered assets, s."""
 MIN_BACKOFF_S: Final = 0.5
 MAX_BACKOFF_S: Final = 5.0
+NO_NODES: Final = {
+    StandardError.UNSUPPORTED_OPERATION.value,
+    AreaError.NOT_SUPPORTED.value,
+    AreaError.NOT_FOUND.value,
+}
+"""Errors of a plan without nodes."""
 CATCH_UP: Final = 1000
 """Number of earlier notifications to request if none is known."""
 
@@ -330,8 +337,11 @@ class RoverLink:
 
         An orbiter knows the open questions only, and names the plan of the first one.
         """
-        self._plans = {each.plan_id: each.status for each in await self._known_plans(client)}
-        without: set[str] = set()
+        before = set(self._plans)  # of those that are unknown now, the questions end
+        known = {each.plan_id: each.status for each in await self._known_plans(client)}
+        self._plans |= known
+        ended = {plan_id for plan_id, status in known.items() if status in FINAL_STATUSES}
+        without = ended - before
         while True:
             for plan_id, status in tuple(self._plans.items()):
                 if status is PlanStatus.SUBMITTED:
@@ -342,6 +352,8 @@ class RoverLink:
                     nodes = await client.get_plan_nodes(plan_id)
                 except MalError as error:
                     _LOG.debug("%s: no nodes of %s: %s", self.asset, plan_id, error)
+                    if error.number not in NO_NODES:
+                        continue  # late or busy: its questions may still be open
                     nodes = ()
                 self._listener.on_plan_nodes(self, plan_id, nodes)
                 if self.kind is LinkKind.RELAY and not nodes:
