@@ -116,6 +116,8 @@ class Planner:
         self._notifications = notifications
         self._plans = {last.plan_id: RunningPlan(last) for last in store.plans()}
         self._run: ActiveRun | None = None
+        self._read: tuple[PlanDefinition, PlanRoot | Refusal] | None = None
+        """The plan that was read last to show or to steer it: consoles ask each second."""
         self._total = 0
         self._surroundings = surroundings
         self._skipped: tuple[PlanNode, ...] = ()
@@ -448,7 +450,10 @@ class Planner:
             return self._run.execution.root, self._run.state()
         if not self._store.is_durable(plan.batch):
             return UNWRITTEN_STEPS
-        root = check_plan(self._store.definition(plan.plan_id), self._settings)
+        definition = self._store.definition(plan.plan_id)
+        if self._read is None or self._read[0] != definition:
+            self._read = definition, check_plan(definition, self._settings)
+        root = self._read[1]
         if isinstance(root, Refusal):
             return root
         try:
