@@ -61,6 +61,10 @@ RETRANSMIT_BATCH: Final = 20
 """Maximum number of commands that are retransmitted together."""
 UNKNOWN_SOURCE: Final = "NOBODY"
 """Source of a stop whose own source cannot be encoded."""
+CLOCK_AHEAD_S: Final = 60.0
+"""Time ahead of the clock here after which the questions of a wrong clock aboard are replaced."""
+ROUNDED_S: Final = 1.0
+"""Difference of one deadline before and after a restart aboard, s."""
 _LOG: Final = logging.getLogger(__name__)
 
 
@@ -324,14 +328,13 @@ class RelayedRover:
 
     def _note_questions(self, found: OpenQuestions) -> None:
         """Notify of each question once when it opens, and when it is no longer open."""
-        if found.utc_s <= self.questions.utc_s:
+        if found.utc_s <= self.questions.utc_s <= self._utc_s() + CLOCK_AHEAD_S:
             return  # a repeat, or overtaken by a later message
-        before = {(plan_id, each.key) for plan_id, each in self.questions.questions}
+        before = {(plan_id, each.key): each for plan_id, each in self.questions.questions}
         self.questions = found
         for plan_id, each in found.questions:
-            if (plan_id, each.key) in before:
-                before.discard((plan_id, each.key))
-            else:
+            known = before.pop((plan_id, each.key), None)
+            if known is None or _is_asked_again(each, known):
                 self.notify(Severity.WARNING, question_text(plan_id, each))
         if not found.more:
             for plan_id, key in sorted(before):
@@ -450,6 +453,14 @@ class RelayedRover:
             self._report(each.report, each.cursor)
         if not last:
             self.notify(Severity.INFORMATIONAL, f"{identity}: no report received yet")
+
+
+def _is_asked_again(question: Question, before: Question) -> bool:
+    """Return whether a question has a later deadline, as in the next cycle of its plan."""
+    until_utc_s, old_utc_s = question.until_utc_s, before.until_utc_s
+    if until_utc_s is None or old_utc_s is None:
+        return False
+    return until_utc_s > old_utc_s + ROUNDED_S
 
 
 def _path(key: str) -> str:

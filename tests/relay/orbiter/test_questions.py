@@ -27,12 +27,16 @@ async def test_a_question_is_notified_once_and_so_is_its_end(
         monkeypatch.setattr(relayed, "notify", lambda *each: notified.append(each))
         await far.question(100.0, day=DITCH)
         await far.question(130.0, day=DITCH)
+        await far.question(140.0, day=replace(DITCH, until_utc_s=1796000060.0))  # asked again
         await far.question(160.0, day=replace(DITCH, until_utc_s=None), night=CAMP)
         await until(lambda: relayed.questions.utc_s == 160.0)
         texts = [text for _, text in notified]
         assert texts == [
             "question Sequence/ditch of plan day: Cross? (cross or back), until"
             " 2026-11-30 00:53:20 UTC, then back; answer by: answerQuestion day Sequence/ditch"
+            " OPTION",
+            "question Sequence/ditch of plan day: Cross? (cross or back), until"
+            " 2026-11-30 00:54:20 UTC, then back; answer by: answerQuestion day Sequence/ditch"
             " OPTION",
             "question Ask of plan night: Sleep? (yes or no); answer by: answerQuestion night Ask"
             " OPTION",
@@ -44,10 +48,14 @@ async def test_a_question_is_notified_once_and_so_is_its_end(
         await far.question(150.0, day=DITCH)  # overtaken
         await far.question(220.0)
         await until(lambda: relayed.questions.utc_s == 220.0)
-        assert notified[2:] == [
+        assert notified[3:] == [
             (Severity.INFORMATIONAL, "question Sequence/ditch of plan day is no longer open"),
             (Severity.INFORMATIONAL, "question Ask of plan night is no longer open"),
         ]
         with raises(AreaError.NOT_FOUND.value):
             await client.get_plan_nodes("night")
+        await far.question(4e9, night=CAMP)  # by a clock that is corrected later
+        await until(lambda: relayed.questions.utc_s == 4e9)
+        await far.question(230.0)
+        await until(lambda: relayed.questions.utc_s == 230.0)
         await client.close()
