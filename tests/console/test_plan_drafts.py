@@ -4,8 +4,9 @@ import asyncio
 from pathlib import Path
 from typing import Any
 
-from adapters.console.requests.drafts import templates
+from adapters.console.requests.drafts import node_entries, templates
 from executive.settings import config_folder
+from executive.values.plan_nodes import PlanNodeReport
 from tests.console.consoles import JsonMessage, Operator, at_console
 from tests.mrs.aboard import Aboard
 from tests.support.examples import ALL
@@ -135,6 +136,12 @@ async def test_drafts_are_checked_proved_and_tried_by_the_rover(
         ):
             status, answer = await anna.post("api/plans/jackal/check", plan="a", steps=[], **body)
             assert (status, answer["field"]) == (422, field)
+
+
+def test_an_orbiter_that_knows_no_root_loses_no_node() -> None:
+    root, ask = (PlanNodeReport(path, "Ask", 0) for path in ("plan:day", "plan:day/Ask"))
+    entries = [node_entries("day", found) for found in ((root, ask), (ask,), ())]
+    assert [[each.path for each in some] for some in entries] == [[ask.path], [ask.path], []]
 
 
 def test_the_plans_of_the_configuration_are_templates() -> None:

@@ -7,7 +7,7 @@ A draft is a list of steps or the XML of a plan; the answer has both. The check 
 import asyncio
 import re
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
@@ -22,6 +22,7 @@ from adapters.console.requests.plan_steps import DraftStep, WrittenStep, sequenc
 from adapters.console.web import RequestError, body_of, invalid, is_number, json_response, text_of
 from adapters.mrs.spec import PlanPreview
 from executive.commands import PlanDefinition, Waypoint
+from executive.commands.intake import source_of
 from executive.plans import (
     CellReference,
     PlanNode,
@@ -167,10 +168,8 @@ class DraftRequests:
 
     async def _nodes(self, request: web.Request) -> web.Response:
         asset, plan_id = request.match_info["asset"], request.match_info["plan"]
-        _, *found = await self._commanding.query(
-            asset, lambda client: client.get_plan_nodes(plan_id)
-        )
-        return json_response({"nodes": [_node_entry(each) for each in found]})
+        found = await self._commanding.query(asset, lambda client: client.get_plan_nodes(plan_id))
+        return json_response({"nodes": node_entries(plan_id, found)})
 
     async def _draft(self, request: web.Request) -> web.Response:
         asset, body = request.match_info["asset"], await body_of(request)
@@ -222,6 +221,11 @@ def outline_of(root: PlanNode) -> tuple[OutlineNode, ...]:
         for node in nodes(root)
         if (at := node.location).number != root.location.number
     )
+
+
+def node_entries(plan_id: str, found: Sequence[PlanNodeReport]) -> list[PlanNodeEntry]:
+    """Return the nodes of a plan aboard below its root, which an orbiter does not know."""
+    return [_node_entry(each) for each in found if each.path != source_of(plan_id)]
 
 
 def _node_entry(node: PlanNodeReport) -> PlanNodeEntry:
