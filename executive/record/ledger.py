@@ -141,7 +141,7 @@ class Ledger(Database):
         version: int = LEDGER_VERSION,
     ) -> None:
         super().__init__(path, _SCHEMA, synchronous, connect, version)
-        # A commit whose sync failed before a restart can be read, but is only in the memory of the
+        # A commit that was not synced before a restart can be read, but is only in memory of the
         # operating system: it is copied and synced before it counts. On a full disk it stays so.
         with suppress(LedgerError):
             self.rows("PRAGMA wal_checkpoint")

@@ -1,118 +1,31 @@
 """`rover bench`: every figure in one run, or one benchmark or attack at a time."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import click
 
+from tests.benchmarks.command_group import (
+    COMMANDS,
+    JSON,
+    MEASURES,
+    OUTPUT,
+    SEED,
+    benchmark,
+    count,
+    log,
+    run,
+)
 from tests.benchmarks.competitors import COMPETITORS, OWN
 
 if TYPE_CHECKING:
     from executive.settings import Settings
     from tests.support.figures import Figure
 
-Measure = Callable[..., "list[Figure]"]
 WHOLE: Final = ("lockstep", "locomotion", "storm", "mal", "bundle", "echo", "footprint", "pairs")
 """What is measured without a name."""
-JSON: Final = click.option(
-    "--json",
-    "json_path",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="Write every figure with unit, comparison and goal to a JSON file.",
-)
-SEED: Final = click.option("--seed", type=int, default=1, show_default=True)
-OUTPUT: Final = click.option(
-    "--keep",
-    "folder",
-    type=click.Path(exists=True, file_okay=False, path_type=Path),
-    help="An empty folder for journals, records and logs.  [default: they are deleted]",
-)
-_MEASURES: dict[str, Measure] = {}
-
-
-def count(name: str, default: int, least: int = 1) -> Callable[[Any], Any]:
-    """Return an option that says how many."""
-    return click.option(name, "count", type=click.IntRange(least), default=default,
-                        show_default=True)  # fmt: skip
-
-
-@click.group(invoke_without_command=True)
-@JSON
-@click.pass_context
-def bench(context: click.Context, json_path: Path | None) -> None:
-    """Measure the executive against its goals; without a name, everything (about 12 minutes).
-
-    Figures that are times depend on the machine and on what else it does: ratios were taken in
-    one run, and are what counts.
-
-    \b
-    Examples:
-      rover bench
-      rover bench --json figures.json
-      rover bench locomotion --goals my-goals.json --controller turn-drive
-
-    \b
-    Exit status: 0 all goals are met, 1 some are not, 2 a file or an option makes no sense.
-    """
-    if context.invoked_subcommand is None:
-        run([partial(_MEASURES[name], **_defaults(name)) for name in WHOLE], json_path)
-
-
-def _defaults(name: str) -> dict[str, Any]:
-    params = bench.commands[name].make_context(name, []).params
-    return {key: value for key, value in params.items() if key != "json_path"}
-
-
-def run(measures: list[Measure], json_path: Path | None) -> None:
-    """Measure, print a table, write figures, and end with 1 where a goal is missed."""
-    from rich.console import Console
-
-    from executive.settings import SettingsError
-    from sim.processes import AddressError, ChildError
-    from tests.support.figures import table, write_json
-
-    if json_path is not None and not json_path.parent.is_dir():
-        raise click.UsageError(f"--json: there is no folder {json_path.parent}")
-    figures = []
-    for measure in measures:
-        try:
-            figures += measure()
-        except SettingsError as error:
-            raise click.UsageError(str(error)) from error
-        except (ChildError, ChildProcessError, AddressError, TimeoutError) as error:
-            raise click.ClickException(str(error)) from error
-    Console().print(table(figures))
-    if json_path is not None:
-        write_json(figures, json_path)
-        click.echo(f"figures written to {json_path}")
-    missed = [figure.name for figure in figures if figure.met is False]
-    if missed:
-        click.echo(f"goals missed: {', '.join(missed)}")
-        raise click.exceptions.Exit(1)
-
-
-def benchmark(example: str, *options: Callable[[Any], Any]) -> Callable[[Measure], Measure]:
-    """Have a function be a sub-command, by its name, documentation and options."""
-
-    def declare(measure: Measure) -> Measure:
-        def command(json_path: Path | None, **chosen: Any) -> None:
-            run([partial(measure, **chosen)], json_path)
-
-        name = measure.__name__.replace("_", "-")
-        _MEASURES[name] = measure
-        for option in (*reversed(options), JSON):
-            command = option(command)
-        bench.command(name, help=measure.__doc__, epilog=f"Example: rover bench {example}")(command)
-        return measure
-
-    return declare
-
-
-def log(line: str) -> None:
-    """Say how it goes on, beside the figures."""
-    click.echo(line, err=True)
 
 
 def _settings() -> "Settings":
@@ -622,3 +535,30 @@ def relay_drain(commands: int, samples: int, refused: int) -> "list[Figure]":
     from tests.benchmarks import relay_drain
 
     return relay_drain.measure(commands, samples, refused, log)
+
+
+@click.group(invoke_without_command=True, commands=COMMANDS)
+@JSON
+@click.pass_context
+def bench(context: click.Context, json_path: Path | None) -> None:
+    """Measure the executive against its goals; without a name, everything (about 12 minutes).
+
+    Figures that are times depend on the machine and on what else it does: ratios were taken in
+    one run, and are what counts.
+
+    \b
+    Examples:
+      rover bench
+      rover bench --json figures.json
+      rover bench locomotion --goals my-goals.json --controller turn-drive
+
+    \b
+    Exit status: 0 all goals are met, 1 some are not, 2 a file or an option makes no sense.
+    """
+    if context.invoked_subcommand is None:
+        run([partial(MEASURES[name], **_defaults(name)) for name in WHOLE], json_path)
+
+
+def _defaults(name: str) -> dict[str, Any]:
+    params = bench.commands[name].make_context(name, []).params
+    return {key: value for key, value in params.items() if key != "json_path"}

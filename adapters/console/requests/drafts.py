@@ -210,7 +210,7 @@ class DraftRequests:
 def _objection(node: PlanNode) -> str:
     """Return why a plan with this node has no list of steps."""
     if isinstance(node, PlanRoot):
-        return "it continues after a restart (after_restart), which only its XML can say"
+        return "it continues after a restart (after_restart), which only its XML has"
     return f"line {node.location.line}: {node.location.name} is no step of a single sequence"
 
 

@@ -140,7 +140,7 @@ def _item(item: Any) -> str:
 def steps_of(root: PlanRoot, content: bytes) -> tuple[DraftStep, ...] | PlanNode:
     """Return the steps of a plan that is one sequence, or the first node that prevents that.
 
-    That is the root if the plan continues by itself after a restart: a list cannot say so.
+    That is the root if the plan continues by itself after a restart: a list has no field for that.
 
     Args:
         root: the plan that was read.
