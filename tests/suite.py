@@ -167,6 +167,8 @@ STRESS: Final = {
     "relay": {"--messages": (10_000, 200), "--kills": (20, 2)},
 }
 """Attacks of `rover bench`, each with how much of it there is in full, and at least."""
+LONG: Final = {"plan-days": 10}
+"""From which percentage on those with a long least part are run; tests have half an hour of it."""
 STRESS_HOURS: Final = 24.0, 0.2
 """Of operations in simulated time, in full and at least."""
 MEMORY: Final = Path("/dev/shm")
@@ -246,6 +248,8 @@ def stress_checks(percent: int) -> list[CiCheck]:
     rover = str(Path(sys.executable).with_name("rover"))
     checks = []
     for name, options in STRESS.items():
+        if percent < LONG.get(name, 1):
+            continue
         counts = {
             option: max(least, full * percent // 100) for option, (full, least) in options.items()
         }
