@@ -8,7 +8,7 @@ from typing import Any, Final
 import click
 from click.core import ParameterSource
 
-from adapters.mrs.cli import RoverTarget, echo_json, json_option, to_option
+from adapters.mrs.cli import RoverTarget, echo_json, echo_line, json_option, to_option
 from adapters.mrs.cli.plan_check_command import (
     ABOARD,
     ARGUMENTS,
@@ -153,7 +153,8 @@ def try_plan(
     if as_json:
         echo_json(report.document())
     else:
-        click.echo("\n".join(report.lines()))
+        for line in report.lines():
+            echo_line(line)
     if report.completed < report.draws:
         sys.exit(NOT_COMPLETED)
 
