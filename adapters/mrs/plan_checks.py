@@ -1,7 +1,8 @@
 """Checks of a plan before its uplink: on the ground, and aboard in a process of their own.
 
 The process aboard gets a `CheckRequest` from the executive, and answers in MAL octets. It ends
-with the executive, which holds the other end of its standard input.
+with the executive, which holds the other end of its standard input. If memory runs out, the system
+ends it before the executive.
 """
 
 import json
@@ -14,9 +15,11 @@ import threading
 import time
 from base64 import b64encode
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
+from pathlib import Path
 from tempfile import NamedTemporaryFile
 from typing import Any, Final
 
@@ -50,9 +53,10 @@ MEMORY_OCTETS: Final = 512 << 20
 TRIAL: Final = "sim.trial"
 """Module that runs a plan in simulation: JSON from its standard input to its standard output."""
 START: Final = (
-    f"import os; os.nice({LOWEST_PRIORITY}); from {__name__} import answer_parent; answer_parent()"
+    f"import os; os.setpriority(os.PRIO_PROCESS, 0, {LOWEST_PRIORITY});"
+    f" from {__name__} import answer_parent; answer_parent()"
 )
-"""Program of the process: its priority is lowered before the imports, which take long."""
+"""Program of the process: before the imports, which take long, it gives up the executive's priority."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,6 +180,8 @@ def answer_parent() -> None:
     request = pickle.load(sys.stdin.buffer)  # of the executive, which started this process
     assert isinstance(request, CheckRequest)
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    with suppress(OSError):  # not on Linux; a simulation's memory has no limit of its own
+        Path("/proc/self/oom_score_adj").write_text("1000")
     if request.level is not PlanCheckLevel.TRY:
         _limit()
     codec, parts = _codec()

@@ -203,6 +203,13 @@ def test_a_process_ends_with_an_executive_that_is_killed() -> None:
     process.stdout.close()
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="of Linux")
+def test_memory_that_runs_out_ends_the_process_first() -> None:
+    score = "open('/proc/self/oom_score_adj').read().strip()"
+    program = f"p.checked = lambda *_: p.wire_check(p.PlanVerdict.TRIED, limits=[{score}]);"
+    assert answer_of(process_of(GOOD, program)).limits == ("1000",)
+
+
 def test_a_proof_is_cut_short_by_time_and_ended_by_memory() -> None:
     cut = answer_of(process_of(WIDE, "p.CUT_S = 0.0;"))
     assert cut.verdict is PlanVerdict.NO_FAULT_FOUND
