@@ -56,7 +56,7 @@ START: Final = (
     f"import os; os.setpriority(os.PRIO_PROCESS, 0, {LOWEST_PRIORITY});"
     f" from {__name__} import answer_parent; answer_parent()"
 )
-"""Program of the process: before the imports, which take long, it gives up the executive's priority."""
+"""Program of the process: it lowers its priority before the imports, which take long."""
 
 
 @dataclass(frozen=True, slots=True)
