@@ -41,6 +41,10 @@ def quote(word: str) -> str:
     return repr(word[:_MAX_QUOTED_LENGTH])
 
 
+_MAX_LISTED: Final = 10
+"""Maximum number of choices in a message that has a suggestion."""
+
+
 def suggest(word: str, known: Iterable[str]) -> str:
     """Return a suffix for a message about an invalid word: the nearest known word, if any."""
     short = [
@@ -116,7 +120,9 @@ def choice(name: str, text: str, choices: Mapping[str, T]) -> T:
     """
     if text.strip() not in choices:
         near = suggest(text.strip(), choices)
-        raise ArgumentError(f"{name} {quote(text)}: {' or '.join(choices)} is required{near}")
+        known = f": {' or '.join(choices)} is required"
+        known = "" if near and len(choices) > _MAX_LISTED else known
+        raise ArgumentError(f"{name} {quote(text)}{known}{near}")
     return choices[text.strip()]
 
 

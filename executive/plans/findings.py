@@ -13,7 +13,7 @@ from executive.plans.abstraction import cells_of_script, input_cells, scripts_of
 from executive.plans.arguments import suggest
 from executive.plans.arrival import arrival_faults, instant_answers
 from executive.plans.constant_conditions import constant_conditions
-from executive.plans.dialect import LINK_UP, MODE, TELEMETRY
+from executive.plans.dialect import LINK_UP, MODE, PRECONDITIONS, TELEMETRY
 from executive.plans.model import (
     LOOPS,
     CellReference,
@@ -223,6 +223,26 @@ def _equal_floats(node: PlanNode) -> Iterator[tuple[Level, str]]:
                     yield Level.WARNING, f"{text}, compare them with < and >"
 
 
+def _assigns(node: PlanNode) -> Iterator[tuple[Level, str]]:
+    for attribute, script in scripts_of(node):
+        is_code = attribute == "code" and node.kind.name == "ScriptCondition"
+        if (is_code or attribute in _CONDITIONAL) and script.statements[-1].sign == "=":
+            yield Level.WARNING, f"{attribute}: {script.text}: = assigns, == compares"
+
+
+_CONDITIONAL: Final = {*PRECONDITIONS, "if"}
+
+
+def _same_cases(node: PlanNode) -> Iterator[tuple[Level, str]]:
+    cases: list[object] = []
+    for at in range(1, len(node.children)) if "variable" in node.ports else ():
+        case = node.ports.get(f"case_{at}")
+        if case in cases:
+            first = cases.index(case) + 1
+            yield Level.ERROR, f"case_{at} is never taken: case_{first} is the same"
+        cases.append(case)
+
+
 _RULES: Final[tuple[Rule, ...]] = (
     _reactive,
     _run_once,
@@ -233,6 +253,8 @@ _RULES: Final[tuple[Rule, ...]] = (
     _long_deadline,
     _relative,
     _equal_floats,
+    _assigns,
+    _same_cases,
 )
 
 

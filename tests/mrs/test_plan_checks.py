@@ -127,6 +127,16 @@ async def test_a_rover_proves_a_plan_by_its_own_settings(client: MrsClient) -> N
         await client.check_plan(GOOD, PROVE, draws=10)
 
 
+def test_a_plan_with_a_fault_of_the_check_is_not_proved() -> None:
+    waits = '<WaitUntil utc="2027-01-01T12:00:00Z"/>'
+    late = '<Window until="2027-01-01T11:00:00Z"><takePicture deadline_s="9"/></Window>'
+    proof = checked(request_of(plan(f"<Sequence>{waits}\n{late}</Sequence>")))
+    assert proof.verdict is PlanVerdict.FAULTS
+    assert [(each.line, each.text.partition(",")[0]) for each in proof.findings] == [
+        (4, "it is always missed")
+    ]
+
+
 def test_the_command_prints_aboard_as_here(aboard: Aboard, tmp_path: Path) -> None:
     file = tmp_path / "late.xml"
     late = '<Window until="2027-01-01T00:00:00Z"><takePicture deadline_s="9"/></Window>'

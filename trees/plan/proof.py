@@ -12,6 +12,7 @@ from executive.plans import (
     PlanNode,
     PlanResult,
     PlanRoot,
+    Role,
     Script,
     cells_of_script,
     nodes,
@@ -178,9 +179,14 @@ class _Judge:
                 text = "it is never reached: no outcome of the steps before it lets it run"
                 self._add(Level.WARNING, node, text)
 
-    @staticmethod
-    def _position(node: PlanNode) -> tuple[int, str]:
-        return node.location.line, node.location.name
+    def _position(self, node: PlanNode) -> tuple[int | str, ...]:
+        """Return the line of a node and its names below its tree: one for all runs of the tree."""
+        found: tuple[int | str, ...] = node.location.line, node.location.name
+        above = self._above.get(node.location.number)
+        while above is not None and above.kind.role is not Role.SUBTREE:
+            found += (above.location.name,)
+            above = self._above.get(above.location.number)
+        return found
 
     def judge_graph(self, graph: Sequence[_State]) -> None:
         """Judge the cycles of the states."""

@@ -229,6 +229,17 @@ FLAWED = {
         <Timeout msec="7200"> {HERE}
         <KeepRunningUntilFailure><Sequence>{DRIVE}{PICTURE}</Sequence></KeepRunningUntilFailure>
         </Timeout></ForceSuccess>{HOME}</Sequence>""",
+    "a condition that assigns": f"""<Sequence><Script code="tries := 1"/>
+        <ScriptCondition code="tries = 2"/> {HERE}
+        {DRIVE}<ScriptCondition code="tries == 2"/></Sequence>""",
+    "a case that another one has": f"""<Sequence><Script code="part := 0"/>
+        <Parallel><Script code="part = @ENERGY_USED"/><Sleep msec="60000"/></Parallel>
+        <Switch2 variable="{{part}}" case_1="1" case_2="1"> {HERE}
+        {DRIVE}{HOME}{PICTURE}</Switch2></Sequence>""",
+    "a node that is always skipped, on the line of the one above": f"""<Sequence>
+        <Script code="wanted := 0"/>
+        <Sequence><Sequence _skipIf="wanted == 0">{PICTURE}</Sequence>{DRIVE}</Sequence> {HERE}
+        </Sequence>""",
     "attempts that drive further each time": f"""<RetryUntilSuccessful num_attempts="3"> {HERE}
         <Sequence><moveForward distance="1" deadline_s="30"/>{PICTURE}</Sequence>
         </RetryUntilSuccessful>""",
@@ -352,6 +363,12 @@ def test_the_remedy_for_a_misspelt_telemetry_is_its_name() -> None:
         refusal = read_plan(definition(f"<Sequence><ScriptCondition code='{script}'/></Sequence>"))
         assert isinstance(refusal, Refusal)
         assert refusal.text.endswith(": did you mean @BATERY_VOLTAGE?")
+
+
+def test_a_misspelt_fault_has_one_remedy() -> None:
+    refusal = read_plan(definition('<FaultActive name="batery_low"/>'))
+    assert isinstance(refusal, Refusal)
+    assert refusal.text == "line 3: name 'batery_low': did you mean battery_low?"
 
 
 def test_rounds_are_counted_once_with_a_note() -> None:
