@@ -102,7 +102,10 @@ async def _explained_node(client: "MrsClient", name: str) -> Explanation:
     """Explain a node of the plan that changed last, of those with such a node."""
     plans = sorted(await client.get_plan_status(), key=lambda each: each.utc_s, reverse=True)
     for each in plans:
-        found = explain_node(await client.get_plan_nodes(each.plan_id), name)
+        try:
+            found = explain_node(await client.get_plan_nodes(each.plan_id), name)
+        except UnknownCommandError as error:
+            raise click.UsageError(str(error)) from error
         if found is not None:
             return found
     text = f"{name[:64]!r} is neither NUMBER nor SOURCE:NUMBER, and no node of a plan"

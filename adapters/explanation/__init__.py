@@ -4,11 +4,11 @@ All functions are pure. The input is a `RunHistory`: of a recording, of a runnin
 from `MrsClient.get_history`. The output is an `Explanation` or the entries of a log.
 """
 
-from adapters.explanation.explain import UnknownCommandError as UnknownCommandError
 from adapters.explanation.explain import explain_command as explain_command
 from adapters.explanation.explain import explain_now as explain_now
 from adapters.explanation.explanation import Explanation as Explanation
 from adapters.explanation.explanation import ExplanationStep as ExplanationStep
+from adapters.explanation.explanation import UnknownCommandError as UnknownCommandError
 from adapters.explanation.formatting import TimeFormatter as TimeFormatter
 from adapters.explanation.formatting import entry_line as entry_line
 from adapters.explanation.formatting import explanation_lines as explanation_lines

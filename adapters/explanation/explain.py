@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Final
 
-from adapters.explanation.explanation import Explanation, ExplanationStep
+from adapters.explanation.explanation import Explanation, ExplanationStep, UnknownCommandError
 from adapters.explanation.log import matches_command, situation_at
 from adapters.explanation.plan_steps import (
     branch_steps,
@@ -45,10 +45,6 @@ _ENDED: Final = {
     Stage.EXPIRED: "expired",
     Stage.REJECTED: "was refused",
 }
-
-
-class UnknownCommandError(LookupError):
-    """A command is unknown or ambiguous; the text lists the known ones."""
 
 
 def explain_command(history: RunHistory, command: str) -> Explanation:

@@ -5,6 +5,10 @@ from dataclasses import dataclass
 from executive.values.reasons import Figure, Reason, UnknownReason
 
 
+class UnknownCommandError(LookupError):
+    """A command or a node of a plan is unknown or ambiguous; the text lists the known ones."""
+
+
 @dataclass(frozen=True, slots=True)
 class ExplanationStep:
     """A step of the causal chain.

@@ -1,11 +1,15 @@
 """Explains plans: the branches above a command, the present decisions, a node's progress."""
 
 from collections.abc import Iterator, Sequence
+from typing import Final
 
-from adapters.explanation.explanation import Explanation, ExplanationStep
+from adapters.explanation.explanation import Explanation, ExplanationStep, UnknownCommandError
 from executive.commands.intake import SOURCE_PREFIX
 from executive.history import CommandHistory, LeafRun, RunHistory
 from executive.values.plan_nodes import DECISIONS, NodeStatus, PlanNodeReport
+
+MAX_NAMED: Final = 5
+"""Maximum number of nodes that an error names."""
 
 
 def branch_steps(history: RunHistory, command: CommandHistory) -> Iterator[ExplanationStep]:
@@ -71,10 +75,17 @@ def explain_node(nodes: Sequence[PlanNodeReport], name: str) -> Explanation | No
     Args:
         nodes: all nodes of the plan.
         name: the path of the node, or the end of it.
+
+    Raises:
+        UnknownCommandError: several nodes match.
     """
-    node = next((each for each in nodes if matches_node(name, each.path)), None)
-    if node is None:
+    found = [each for each in nodes if matches_node(name, each.path)]
+    if not found:
         return None
+    node, *others = found
+    if others:
+        known = ", ".join(each.path for each in found[:MAX_NAMED])
+        raise UnknownCommandError(f"{len(found)} nodes end with {name[:64]!r}: name one of {known}")
     above = (each for each in nodes if f"{node.path}/".startswith(f"{each.path}/"))
     steps = [
         ExplanationStep(each.since_utc_s, f"{short_path(each.path)} {each.decision}")

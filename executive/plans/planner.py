@@ -52,6 +52,7 @@ from executive.plans.recovery import (
     MAX_RESTARTS,
     continued_state,
     ended_state,
+    has_questions,
     recover_state,
 )
 from executive.plans.state import PlanState, StateError, decode, encode, shifted
@@ -254,7 +255,8 @@ class Planner:
     def _recover_questions(self) -> None:
         """Note the open questions of the plans that a former process left."""
         for plan_id, plan in self._plans.items():
-            if plan.state in {PlanStatus.EXECUTING, PlanStatus.SUSPENDED}:
+            lasts = plan.state in {PlanStatus.EXECUTING, PlanStatus.SUSPENDED}
+            if lasts and has_questions(self._store, plan_id):
                 found = self.nodes(plan_id)
                 if not isinstance(found, Refusal):
                     questions = (each.question for each in found)

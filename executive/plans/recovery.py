@@ -33,13 +33,10 @@ def recover_state(store: PlanStore, plan_id: str, utc_s: float, resumes: bool) -
     Returns:
         Whether it continues by itself: this counts as one of its restarts.
     """
-    stored = store.state(plan_id)
-    if stored is None:
-        return False
-    try:
-        state = decode(stored.text)
-    except StateError:
-        return False  # the plan fails when it continues
+    read = _read(store, plan_id)
+    if read is None:
+        return False  # the plan fails when it continues, if there is one
+    stored, state = read
     found = (each if each.stage else _ended(store, plan_id, each) for each in state.commands)
     commands = tuple(each for each in found if each is not None)
     continues = resumes and state.restarts < MAX_RESTARTS
@@ -65,10 +62,10 @@ def continued_state(
         position: present position x, y of the rover in m.
         utc_s: present time, seconds since 1970-01-01 UTC.
     """
-    stored = store.state(plan_id)
-    if stored is None:
+    read = _read(store, plan_id)
+    if read is None:
         return None
-    state = decode(stored.text)
+    stored, state = read
     if state.position is None or dist(position, state.position) > MAX_RESTART_DISTANCE_M:
         return None
     state = shifted(state, min(0.0, stored.utc_s - utc_s))
@@ -77,12 +74,22 @@ def continued_state(
 
 def ended_state(store: PlanStore, plan_id: str) -> StoredState | None:
     """Return the state to store of a plan that ends while it is suspended; None to leave it."""
+    read = _read(store, plan_id)
+    return None if read is None else replace(read[0], text=encode(read[1].at_end()))
+
+
+def has_questions(store: PlanStore, plan_id: str) -> bool:
+    """Return whether a plan has open questions, without reading its text."""
+    read = _read(store, plan_id)
+    return read is not None and bool(read[1].questions)
+
+
+def _read(store: PlanStore, plan_id: str) -> tuple[StoredState, PlanState] | None:
     stored = store.state(plan_id)
     try:
-        found = None if stored is None else decode(stored.text).at_end()
+        return None if stored is None else (stored, decode(stored.text))
     except StateError:
         return None
-    return None if stored is None or found is None else replace(stored, text=encode(found))
 
 
 def _ended(store: PlanStore, plan_id: str, command: StateCommand) -> StateCommand | None:

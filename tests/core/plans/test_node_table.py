@@ -7,18 +7,21 @@ from pathlib import Path
 
 import pytest
 
+from adapters.explanation import UnknownCommandError, explain_node
 from adapters.recording import RunFile
 from adapters.recording.replay import replay
 from executive.commands import (
     AbortPlan,
     AnswerQuestion,
+    PlanDefinition,
     ResumePlan,
     RetryNode,
     SkipNode,
     SuspendPlan,
 )
-from executive.plans import NodeRecords, nodes, read_plan
+from executive.plans import NodeRecords, PlanRoot, nodes, planner, read_plan
 from executive.plans.node_records import read_records
+from executive.settings import Settings
 from executive.values.clock import ManualClock
 from executive.values.plan_nodes import NodeStatus, PlanNodeReport
 from executive.values.reasons import Reason, Refusal
@@ -38,11 +41,11 @@ SKIPPED = "skipped with SUCCESS: requested by an operator"
 FALLBACK = f'<Fallback name="there">{TOO_LATE}{BACK}</Fallback>'
 
 
-def table(bench: PlanBench) -> dict[str, PlanNodeReport]:
-    """Return the nodes of the plan by the ends of their paths."""
+def table(bench: PlanBench, by_path: bool = False) -> dict[str, PlanNodeReport]:
+    """Return the nodes of the plan by the ends of their paths, or by their paths."""
     found = bench.executive.plan_nodes("survey")
     assert not isinstance(found, Refusal), found
-    return {each.path.rpartition("/")[2]: each for each in found}
+    return {each.path if by_path else each.path.rpartition("/")[2]: each for each in found}
 
 
 def test_a_fallback_reports_which_branch_it_took_and_why(bench: PlanBench) -> None:
@@ -174,6 +177,39 @@ def test_an_answer_to_a_suspended_plan_ends_its_question(bench: PlanBench) -> No
     assert bench.executive.plan_questions["survey"] == ()
     assert bench.resumed() is PlanStatus.COMPLETED
     assert table(bench)["ditch"].decision == "answered cross"
+
+
+def test_a_name_of_several_nodes_is_not_explained_by_one_of_them(bench: PlanBench) -> None:
+    leg = f'<BehaviorTree ID="Leg">{AHEAD}</BehaviorTree>'
+    legs = '<SubTree ID="Leg" name="out"/><SubTree ID="Leg" name="home"/>'
+    bench.go(plan(f"<Sequence>{legs}</Sequence>", others=leg))
+    bench.run(0.5)
+    found = tuple(table(bench, by_path=True).values())
+    with pytest.raises(UnknownCommandError, match="out/moveForward, plan:survey/Sequence/home/"):
+        explain_node(found, "moveForward")
+    explained = explain_node(found, "home/moveForward")
+    assert explained is not None
+    assert explained.headline == "Sequence/home/moveForward has not begun"
+
+
+def test_only_plans_with_open_questions_are_read_at_the_start(
+    bench: PlanBench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for plan_id, body in (("survey", ASKS), ("drive", AHEAD)):
+        bench.go(plan(body, plan_id))
+        bench.run(0.5)
+        bench.request(SuspendPlan(plan_id))
+        bench.run(0.5)
+    read, check = [], planner.check_plan
+
+    def checked(definition: PlanDefinition, settings: Settings) -> PlanRoot | Refusal:
+        read.append(definition.plan_id)
+        return check(definition, settings)
+
+    monkeypatch.setattr(planner, "check_plan", checked)
+    bench.crash()
+    assert read == ["survey"]
+    assert len(bench.executive.plan_questions["survey"]) == 1
 
 
 def test_nothing_runs_after_the_abort_of_a_killed_plan(
