@@ -55,9 +55,11 @@ class CellTable:
             found[cell] = NUMBER
         return found
 
-    def blackboard(self) -> Blackboard:
-        """Return the cells as the plan begins."""
-        return Blackboard(tuple(self.names), self.initial, tuple(sorted(self.telemetry.items())))
+    def blackboard(self, types: Types) -> Blackboard:
+        """Return the cells as the plan begins, with their types."""
+        numbers = frozenset(cell for cell, type_ in enumerate(types) if type_ is NUMBER)
+        telemetry = tuple(sorted(self.telemetry.items()))
+        return Blackboard(tuple(self.names), self.initial, telemetry, numbers)
 
 
 class Scope:

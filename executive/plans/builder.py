@@ -291,7 +291,7 @@ def _note_outputs(kind: NodeKind, texts: Mapping[str, str], scope: Scope) -> Non
 _WRITTEN: Final = {PortType.WRITTEN_NUMBER: NUMBER, PortType.WRITTEN_TEXT: TEXT}
 
 
-def _infer_types(drafts: Sequence[_Draft], cells: CellTable) -> None:
+def _infer_types(drafts: Sequence[_Draft], cells: CellTable) -> Types:
     types = cells.types()
     for draft in drafts:
         with draft.element.located():
@@ -311,6 +311,7 @@ def _infer_types(drafts: Sequence[_Draft], cells: CellTable) -> None:
         known = [cell for cell in range(len(types)) if before[cell] is None and types[cell]]
         found = {id(each): each for cell in known for each in waiting.pop(cell, ())}
         pending = list(found.values())
+    return types
 
 
 def _infer_draft(draft: _Draft, types: Types) -> None:
@@ -424,11 +425,11 @@ def _read(definition: PlanDefinition) -> PlanRoot:
     for draft in drafts:
         with draft.element.located():
             _check_reads(draft)
-    _infer_types(drafts, cells)
+    types = _infer_types(drafts, cells)
     for draft in drafts:
         with draft.element.located():
             draft.finish()
-    board, resumes = cells.blackboard(), resumes_after_restart(root)
+    board, resumes = cells.blackboard(types), resumes_after_restart(root)
     unused = tuple(_unused(trees, main, expansion.subtrees))
     return PlanRoot(built.location, built.kind, built.children, {}, {}, board, resumes, unused)
 

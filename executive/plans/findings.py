@@ -23,7 +23,7 @@ from executive.plans.model import (
     nodes,
     parts_of,
 )
-from executive.plans.scripting import case_matches, text_of
+from executive.plans.scripting import as_number, case_matches, text_of
 from executive.plans.syntax import ASSIGNMENTS, COMPARE, LITERAL, NAME, Value, expressions
 
 
@@ -333,8 +333,8 @@ def _impossible_texts(
     A single option may be left to the last child of a Switch.
     """
     variable = node.ports.get("variable")
+    cases = [node.ports.get(f"case_{at}") for at in range(1, len(node.children))]
     if isinstance(variable, CellReference) and variable.cell in values:
-        cases = [node.ports.get(f"case_{at}") for at in range(1, len(node.children))]
         left = set(values[variable.cell])
         for at, case in enumerate(cases, 1):
             if isinstance(case, str | float):
@@ -355,6 +355,11 @@ def _impossible_texts(
             names = ", ".join(sorted(map(text_of, left & options)))
             remedy = "give each but one a case"
             yield Level.WARNING, node, f"options without a case: {names}: {remedy}"
+    elif isinstance(variable, CellReference) and variable.cell in plan.blackboard.numbers:
+        for at, case in enumerate(cases, 1):
+            if isinstance(case, str) and as_number(case) is None:
+                text = f"case_{at} is never taken: {variable.name} is a number, never {case!r}"
+                yield Level.ERROR, node, text
     for attribute, script in scripts_of(node):
         for comparison in expressions(script.statements):
             if comparison.sign == COMPARE and len(comparison.operands) == 2:

@@ -132,11 +132,13 @@ class Blackboard:
         names: name of each cell, after the path of its tree.
         initial: value of each cell when the plan begins; None as long as it is not written.
         telemetry: cells with telemetry, each with its name.
+        numbers: cells that have numbers only.
     """
 
     names: tuple[str, ...] = ()
     initial: tuple[Value | None, ...] = ()
     telemetry: tuple[tuple[int, str], ...] = ()
+    numbers: frozenset[int] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)

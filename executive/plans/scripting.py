@@ -93,11 +93,12 @@ def case_matches(variable: Value, case: Value) -> bool:
     """Return whether a variable has the value of a case: equal texts, else equal numbers."""
     if text_of(variable) == text_of(case):
         return True
-    one, other = _as_number(variable), _as_number(case)
+    one, other = as_number(variable), as_number(case)
     return one is not None and other is not None and equal(one, other)
 
 
-def _as_number(value: Value) -> float | None:
+def as_number(value: Value) -> float | None:
+    """Return a value as a number; None if it is a text that is neither a number nor a constant."""
     if not isinstance(value, str):
         return value
     if value in CONSTANTS:

@@ -158,7 +158,8 @@ class _Judge:
         if results and PlanResult.SUCCESS not in results:
             self._add(Level.ERROR, top, "it can never succeed: all outcomes of its steps fail")
         elif PlanResult.SKIPPED in results:
-            text = "the plan can end skipped, which is FAILED: put a ForceSuccess, or a step, in it"
+            remedy = "put it into a Sequence, with an AlwaysSuccess after it"
+            text = f"the plan can end skipped, which is FAILED: {remedy}"
             self._add(Level.WARNING, top, text)
         measured = {cell for cell, _ in self._plan.blackboard.telemetry}
         reached, succeeded = self._exploration.reached, self._exploration.succeeded

@@ -236,6 +236,10 @@ FLAWED = {
         <Parallel><Script code="part = @ENERGY_USED"/><Sleep msec="60000"/></Parallel>
         <Switch2 variable="{{part}}" case_1="1" case_2="1"> {HERE}
         {DRIVE}{HOME}{PICTURE}</Switch2></Sequence>""",
+    "a text as the case of a number": f"""<Sequence><Script code="got := 0"/>
+        <Repeat num_cycles="3"><takePicture deadline_s="9" _onSuccess="got += 1"/></Repeat>
+        <Switch2 variable="{{got}}" case_1="none" case_2="3"> {HERE}
+        {DRIVE}{HOME}{PICTURE}</Switch2></Sequence>""",
     "a node that is always skipped, on the line of the one above": f"""<Sequence>
         <Script code="wanted := 0"/>
         <Sequence><Sequence _skipIf="wanted == 0">{PICTURE}</Sequence>{DRIVE}</Sequence> {HERE}
@@ -247,6 +251,8 @@ FLAWED = {
 
 
 SOUND = {
+    "the mode is a case by its word": f"""<Timeout msec="900000"><Switch2 variable="{{@MODE}}"
+        case_1="IDLE" case_2="PLAN">{DRIVE}{HOME}{PICTURE}</Switch2></Timeout>""",
     "a guard, and what to do below it": f"""<Fallback>
         <ReactiveSequence><ScriptCondition code="@BATERY_VOLTAGE &gt; 22"/>
         <Sequence>{DRIVE}{PICTURE}</Sequence></ReactiveSequence>
@@ -363,6 +369,13 @@ def test_the_remedy_for_a_misspelt_telemetry_is_its_name() -> None:
         refusal = read_plan(definition(f"<Sequence><ScriptCondition code='{script}'/></Sequence>"))
         assert isinstance(refusal, Refusal)
         assert refusal.text.endswith(": did you mean @BATERY_VOLTAGE?")
+
+
+def test_the_remedy_for_a_plan_that_ends_skipped_is_a_success_after_it() -> None:
+    can_skip = f'<ForceSuccess _skipIf="@LINK_UP == 1">{PICTURE}</ForceSuccess>'
+    (found,) = faults(definition(can_skip))
+    assert "put it into a Sequence, with an AlwaysSuccess after it" in found.text
+    assert faults(definition(f"<Sequence>{can_skip}<AlwaysSuccess/></Sequence>")) == []
 
 
 def test_a_misspelt_fault_has_one_remedy() -> None:
