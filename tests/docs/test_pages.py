@@ -17,9 +17,11 @@ from executive.commands.lifecycle import EDGES, Edge, terminal_states
 from executive.plans import DIALECT, plan_xml
 from executive.plans.arguments import MAX_VALUE_LENGTH, MAX_WAYPOINTS
 from executive.plans.builder import MAX_COMMANDS, MAX_NODES
+from executive.plans.dialect import PRECONDITIONS, TELEMETRY
 from executive.plans.model import MAX_LOOP_CYCLES
 from executive.plans.plan_lifecycle import PLAN_EDGES
 from executive.plans.planner import MAX_PLANS
+from executive.plans.syntax import _POWERS
 from executive.settings import load_settings
 from tests.docs.pages import CHECKOUT, PAGES
 from trees.rover import preview
@@ -93,6 +95,14 @@ def mermaid(edges: Sequence[Edge[Any, Any]]) -> str:
 def test_the_page_has_every_node() -> None:
     for kind in DIALECT.values():
         assert kind.command is not None or f"\n| `{kind.name}` |" in PAGE, kind.name
+
+
+def test_the_page_has_all_that_scripts_read() -> None:
+    for name, meaning in TELEMETRY.items():
+        assert f"\n| `@{name}` | {meaning} |" in PAGE
+    for sign in _POWERS:
+        assert f"`{sign}`" in PAGE or f" {sign} " in PAGE, sign
+    assert ", ".join(f"`{name}`" for name in PRECONDITIONS) in PAGE
 
 
 def test_the_life_cycle_is_drawn_from_its_table() -> None:

@@ -86,3 +86,18 @@ async def test_times_beyond_those_of_the_wire_are_reported(client: MrsClient, ut
         "WaitUntil",
         "moveForward",
     ]
+
+
+def test_a_narrow_table_of_nodes_has_long_texts_below(running: Aboard, tmp_path: Path) -> None:
+    file, to = tmp_path / "crossing.xml", ("--to", running.uri)
+    file.write_bytes(QUESTION.content)
+    for typed in (("submit", str(file)), ("activate", "crossing")):
+        assert rover(*typed, *to).exit_code == 0
+    running.run(1.0)
+    run = CliRunner(env={"COLUMNS": "60"}).invoke
+    shown = run(main, ["plan", "status", "crossing", *to]).output.splitlines()
+    (at,) = (i for i, line in enumerate(shown) if "    ditch (Ask)  " in line)
+    assert shown[at + 1].strip() == "Cross it? (cross or turn back, else turn back)"
+    assert "tries" in shown[at - 3]
+    assert "    moveForward" in shown
+    assert max(map(len, shown[at:])) <= 60

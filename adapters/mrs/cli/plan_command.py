@@ -27,6 +27,7 @@ from adapters.mrs.cli.terminal import (
     completion,
     echo_json,
     echo_line,
+    fail,
     in_session,
     plain_fields,
     plan_ids,
@@ -57,6 +58,8 @@ from executive.values.reasons import Refusal
 from executive.values.reports import PlanStatus, PlanUpdate
 
 _NO_NODES: Final = {StandardError.UNSUPPORTED_OPERATION.value, AreaError.REJECTED.value}
+_NOT_SERVED: Final = AreaError.NOT_SUPPORTED.value
+_NO_QUESTION: Final = "an orbiter reports plans with an open question only: there is none"
 COLUMNS: Final = ("plan", "status", "leaves ended", "at", "text")
 
 
@@ -255,7 +258,13 @@ async def status(client: MrsClient, plan_ids: tuple[str, ...], as_json: bool) ->
       rover plan status
       rover plan status look-around
     """
-    plans = await client.get_plan_status(*plan_ids)
+    try:
+        plans = await client.get_plan_status(*plan_ids)
+    except MalError as error:
+        if error.number != _NOT_SERVED:
+            raise
+        await _print_questions(client, plan_ids, as_json)
+        return
     if not plans:
         click.echo("" if as_json else "no plans: submit one with `rover plan submit`\n", nl=False)
     elif not as_json:
@@ -267,6 +276,24 @@ async def status(client: MrsClient, plan_ids: tuple[str, ...], as_json: bool) ->
             echo_json({**plain_fields(wire_update(update)), **rows})
         elif nodes:
             print_nodes(nodes)
+
+
+async def _questioned_plan(client: MrsClient) -> str | None:
+    """Return the plan with an open question, if any; an orbiter reports no others."""
+    return (await client.get_status()).activePlan
+
+
+async def _print_questions(client: MrsClient, plan_ids: tuple[str, ...], as_json: bool) -> None:
+    """Print the open questions of plans, all that an orbiter knows of them."""
+    for plan_id in plan_ids or filter(None, (await _questioned_plan(client),)):
+        nodes = await _nodes(client, plan_id)
+        if as_json:
+            echo_json({"planId": plan_id, "nodes": tuple(map(wire_node, nodes))})
+        else:
+            print_nodes(nodes)
+        plan_ids = (plan_id,)
+    if not plan_ids:
+        fail(_NO_QUESTION)
 
 
 async def _nodes(client: MrsClient, plan_id: str) -> tuple[PlanNodeReport, ...]:
@@ -322,7 +349,15 @@ def nodes() -> None:
 
 async def _one_plan(client: MrsClient, *statuses: PlanStatus) -> str:
     """Return the only plan in one of some statuses."""
-    plans = await client.get_plan_status()
+    try:
+        plans = await client.get_plan_status()
+    except MalError as error:
+        if error.number != _NOT_SERVED:
+            raise
+        plan_id = await _questioned_plan(client)
+        if plan_id is None:
+            raise click.ClickException(f"name a plan; {_NO_QUESTION}") from None
+        return plan_id
     found = [each.plan_id for each in plans if each.status in statuses]
     if len(found) != 1:
         names = " or ".join(status.name.lower() for status in statuses)

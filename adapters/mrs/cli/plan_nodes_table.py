@@ -2,17 +2,47 @@
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
+from shutil import get_terminal_size
+from textwrap import wrap
 from typing import Final
 
-from adapters.mrs.cli.terminal import print_table
-from executive.values.plan_nodes import NodeStatus, PlanNodeReport
+import click
 
-COLUMNS: Final = ("node", "status", "since, UTC", "tries", "next, UTC", "command", "text")
+from executive.values.plan_nodes import NodeStatus, PlanNodeReport
+from executive.values.reports import printable
+
+COLUMNS: Final = ("node", "status", "since, UTC", "tries", "next, UTC", "command")
+"""Titles; the text has none."""
 
 
 def print_nodes(nodes: Sequence[PlanNodeReport]) -> None:
     """Print the nodes of a plan, children below their parents."""
-    print_table(map(node_row, nodes), *COLUMNS)
+    click.echo("\n".join(node_lines(nodes, get_terminal_size().columns)))
+
+
+def node_lines(nodes: Sequence[PlanNodeReport], width: int) -> list[str]:
+    """Return the nodes as lines without empty columns; a text that is too long is below its node.
+
+    Args:
+        nodes: all nodes of the plan.
+        width: of the terminal in characters.
+    """
+    rows = [tuple(map(printable, node_row(each))) for each in nodes]
+    *columns, (_, *texts) = zip((*COLUMNS, ""), *rows, strict=True)
+    columns = [each for each in columns if any(each[1:])]
+    widths = [max(map(len, each)) for each in columns]
+    head, *lines = (
+        "  ".join(map(str.ljust, cells, widths)) for cells in zip(*columns, strict=True)
+    )
+    found = [head.rstrip()]
+    for line, text in zip(lines, texts, strict=True):
+        if len(line) + 2 + len(text) <= width:
+            found.append(f"{line}  {text}".rstrip())
+        else:
+            indent = " " * (len(line) - len(line.lstrip()) + 4)
+            below = wrap(text, max(width, 60), initial_indent=indent, subsequent_indent=indent)
+            found += (line.rstrip(), *below)
+    return found
 
 
 def node_row(node: PlanNodeReport) -> tuple[str, ...]:

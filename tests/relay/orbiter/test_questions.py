@@ -1,11 +1,16 @@
 """Open questions of a relayed rover at the orbiter: notified once, returned to clients."""
 
+import asyncio
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
+from adapters.cli.main import main
+from adapters.mrs.cli.sending import CommandSender, RequestChoice
 from adapters.mrs.spec import AreaError
+from executive.commands import AnswerQuestion
 from executive.values.plan_nodes import Question
 from executive.values.reports import Severity
 from tests.mrs.aboard import raises
@@ -13,6 +18,42 @@ from tests.relay.orbiter.sky import Sky, ground, landed, orbiting, until
 
 DITCH = Question("plan:day/Sequence/ditch", "Cross?", ("cross", "back"), "back", 1796000000.0)
 CAMP = Question("plan:night/Ask", "Sleep?", ("yes", "no"), None, None)
+
+
+async def test_operators_see_and_answer_a_question_without_naming_its_plan(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sky = Sky(tmp_path, "jackal")
+    async with orbiting(sky) as (relay, (station,)), landed(sky, "jackal") as far:
+        (relayed,) = relay.rovers.values()
+
+        async def rover(*typed: str) -> tuple[int, str]:
+            arguments = ["plan", *typed, "--to", str(station.uri)]
+            run = CliRunner(env={"COLUMNS": "80"}).invoke
+            result = await asyncio.to_thread(run, main, arguments)
+            return result.exit_code, result.output
+
+        for typed in (("status",), ("answer", "ditch", "cross")):
+            status, text = await rover(*typed)
+            assert status == 1
+            assert "an orbiter reports plans with an open question only" in text
+        await far.question(100.0, day=DITCH)
+        await until(lambda: relayed.questions.utc_s == 100.0)
+        for typed in (("status",), ("status", "day")):
+            status, text = await rover(*typed)
+            assert status == 0
+            assert "Cross? (cross or back, else back)" in text
+        sent = []
+
+        async def send(_: CommandSender, choose: RequestChoice, *_others: object) -> bool:
+            client = await ground(station)
+            sent.append(await choose(client))
+            await client.close()
+            return True
+
+        monkeypatch.setattr(CommandSender, "_send", send)
+        assert (await rover("answer", "ditch", "cross"))[0] == 0
+        assert sent == [AnswerQuestion("day", "ditch", "cross")]
 
 
 async def test_a_question_is_notified_once_and_so_is_its_end(
