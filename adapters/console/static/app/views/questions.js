@@ -27,7 +27,7 @@ export class Questions {
     const { asset, plan, text, end } = question;
     if (end === null) return;
     const answer = rover.lastCommands.find((each) => each.state === "executed" && isAnswerTo(question, each));
-    const isMeant = answer && (end === "" || end.includes(answer.args.option));
+    const isMeant = answer && (end === "" || end === `answered ${answer.args.option}`);
     const how = isMeant ? `was answered: ${answer.args.option}, by ${answer.by}` : end || "ended without an answer";
     this.show(`${asset}, plan ${plan}: “${text}” ${how}.`, "good");
   }
