@@ -282,6 +282,7 @@ class _TrialRun(LockstepRun):
         now_s = self._lock.time_s
         for question in self._log.take_opened():
             self._openings[question.path] += 1
+            self._answers = [each for each in self._answers if each.path != question.path]
             answer = self._draw_answer(question, self._openings[question.path], now_s)
             if answer.option:
                 insort(self._answers, answer)
