@@ -120,6 +120,14 @@ class NodeRecords:
         """Note which branch a node took, and why."""
         self._update(self._record(node)._replace(decision=text))
 
+    def note_cause(self, node: PlanNode, text: str) -> None:
+        """Note why a node fails, before it ends."""
+        self._update(self._record(node)._replace(text=text))
+
+    def cause(self, node: PlanNode) -> str:
+        """Return why a node failed last, or fails; empty for none."""
+        return self._record(node).text
+
     def decision(self, node: PlanNode) -> str:
         """Return which branch a node took last, and why; empty for none."""
         record = self._records.get(node.location.number)

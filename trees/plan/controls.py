@@ -143,6 +143,13 @@ class ParallelBranch(PlanBehaviour):
             return RUNNING
         return self._end(FAILURE if self.bad >= self.plan.number("max_failures") else SUCCESS)
 
+    def on_load(self) -> None:
+        """Continue with the failure of a child that has ended."""
+        super().on_load()
+        if (records := self.context.records) is not None:
+            failed = (each for each in self.nodes if each.status is FAILURE)
+            self._why = next((records.cause(each.plan) for each in failed), "")
+
     def _end(self, answer: Answer) -> Answer:
         if answer is FAILURE and self._why:  # others have continued, and may have noted theirs
             self.context.port.why = self._why
@@ -281,12 +288,20 @@ class TryCatch(OrderedBranch):
             text = f"took the cleanup {self.nodes[-1].name}: {self.cause_of(self, answer)}"
             self.decide("catch", text)
             self.catching, self._why = True, self.context.port.why
+            if (records := self.context.records) is not None:
+                records.note_cause(self.plan, self._why)
         if self.nodes[-1].execute() is RUNNING:
             return RUNNING
         self.reset_children()
         self.catching = False
         self.context.port.why = self._why or self.context.port.why
         return FAILURE
+
+    def on_load(self) -> None:
+        """Continue; a cleanup does not change why the others failed."""
+        super().on_load()
+        if self.catching and (records := self.context.records) is not None:
+            self._why = records.cause(self.plan)
 
     def on_halt(self) -> None:
         """Let the last child run for one tick, if the plan wants it."""

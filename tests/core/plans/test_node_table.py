@@ -19,7 +19,7 @@ from executive.commands import (
     SkipNode,
     SuspendPlan,
 )
-from executive.plans import NodeRecords, PlanRoot, nodes, planner, read_plan
+from executive.plans import NodeRecords, PlanRoot, check_plan, nodes, read_plan
 from executive.plans.node_records import read_records
 from executive.settings import Settings
 from executive.values.clock import ManualClock
@@ -179,6 +179,25 @@ def test_an_answer_to_a_suspended_plan_ends_its_question(bench: PlanBench) -> No
     assert table(bench)["ditch"].decision == "answered cross"
 
 
+FAILS = '<ForceSuccess><AlwaysFailure name="late"/></ForceSuccess>'
+NOISE = f'<Sleep msec="1500"/>{FAILS}{BACK}'
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        f"<TryCatch>{TOO_LATE}<Sequence>{NOISE}</Sequence></TryCatch>",
+        f"<ParallelAll>{TOO_LATE}<Sequence>{NOISE}</Sequence></ParallelAll>",
+    ],
+)
+def test_why_a_plan_fails_survives_a_kill(bench: PlanBench, body: str) -> None:
+    bench.begin(body, 2.0)
+    bench.crash()
+    bench.run(0.5)
+    assert bench.resumed() is PlanStatus.FAILED
+    assert "moveForward: CANCELLED 761 (not done within 1 s)" in bench.status().text
+
+
 def test_a_name_of_several_nodes_is_not_explained_by_one_of_them(bench: PlanBench) -> None:
     leg = f'<BehaviorTree ID="Leg">{AHEAD}</BehaviorTree>'
     legs = '<SubTree ID="Leg" name="out"/><SubTree ID="Leg" name="home"/>'
@@ -200,13 +219,13 @@ def test_only_plans_with_open_questions_are_read_at_the_start(
         bench.run(0.5)
         bench.request(SuspendPlan(plan_id))
         bench.run(0.5)
-    read, check = [], planner.check_plan
+    read = list[str]()
 
     def checked(definition: PlanDefinition, settings: Settings) -> PlanRoot | Refusal:
         read.append(definition.plan_id)
-        return check(definition, settings)
+        return check_plan(definition, settings)
 
-    monkeypatch.setattr(planner, "check_plan", checked)
+    monkeypatch.setattr("executive.plans.planner.check_plan", checked)
     bench.crash()
     assert read == ["survey"]
     assert len(bench.executive.plan_questions["survey"]) == 1
