@@ -118,7 +118,7 @@ class Planner:
         self._plans = {last.plan_id: RunningPlan(last) for last in store.plans()}
         self._run: ActiveRun | None = None
         self._read: tuple[PlanDefinition, PlanRoot | Refusal] | None = None
-        """The plan that was read last to show or to steer it: consoles ask each second."""
+        """The plan that was read last to show or to steer it: consoles request it each second."""
         self._total = 0
         self._surroundings = surroundings
         self._skipped: tuple[PlanNode, ...] = ()

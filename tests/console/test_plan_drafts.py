@@ -139,9 +139,13 @@ async def test_drafts_are_checked_proved_and_tried_by_the_rover(
 
 
 def test_an_orbiter_that_knows_no_root_loses_no_node() -> None:
-    root, ask = (PlanNodeReport(path, "Ask", 0) for path in ("plan:day", "plan:day/Ask"))
-    entries = [node_entries("day", found) for found in ((root, ask), (ask,), ())]
-    assert [[each.path for each in some] for some in entries] == [[ask.path], [ask.path], []]
+    root, question = (PlanNodeReport(path, "Ask", 0) for path in ("plan:day", "plan:day/Ask"))
+    entries = [node_entries("day", found) for found in ((root, question), (question,), ())]
+    assert [[each.path for each in some] for some in entries] == [
+        [question.path],
+        [question.path],
+        [],
+    ]
 
 
 def test_the_plans_of_the_configuration_are_templates() -> None:

@@ -334,7 +334,7 @@ class RelayedRover:
         self.questions = found
         for plan_id, each in found.questions:
             known = before.pop((plan_id, each.key), None)
-            if known is None or _is_asked_again(each, known):
+            if known is None or _is_repeated(each, known):
                 self.notify(Severity.WARNING, question_text(plan_id, each))
         if not found.more:
             for plan_id, key in sorted(before):
@@ -455,7 +455,7 @@ class RelayedRover:
             self.notify(Severity.INFORMATIONAL, f"{identity}: no report received yet")
 
 
-def _is_asked_again(question: Question, before: Question) -> bool:
+def _is_repeated(question: Question, before: Question) -> bool:
     """Return whether a question has a later deadline, as in the next cycle of its plan."""
     until_utc_s, old_utc_s = question.until_utc_s, before.until_utc_s
     if until_utc_s is None or old_utc_s is None:
