@@ -80,11 +80,11 @@ async def test_steps_are_written_read_back_and_previewed(rover: Aboard, tmp_path
             (1, "moveForward", "distance 4, deadline_s 60"),
         ]
         assert other["preview"]["total"]
-        asked = tree.replace('"4"', '"{far}"', 2).replace('format="{far}"', 'format="4"')
-        problem = (await drafted(anna, xml=asked))["problem"]
+        variable = tree.replace('"4"', '"{far}"', 2).replace('format="{far}"', 'format="4"')
+        problem = (await drafted(anna, xml=variable))["problem"]
         missing = "distance: no value given for {far}: set it before, or give --arg far=VALUE"
         assert problem["text"] == missing
-        filled = await drafted(anna, xml=asked, arguments={"far": "1"})
+        filled = await drafted(anna, xml=variable, arguments={"far": "1"})
         assert abs(filled["preview"]["total"]["length"] - 1.0) < 0.05
         typo = await drafted(anna, xml=tree.replace("moveForward", "moveForwrd"))
         assert (typo["problem"]["line"], typo["problem"]["step"]) == (3, None)
