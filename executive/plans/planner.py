@@ -73,9 +73,6 @@ MAX_PLANS: Final = 100
 
 RESTART_S: Final = 60.0
 """Time after a start within which a plan continues by itself; chosen."""
-UNWRITTEN_STEPS: Final = Refusal(
-    Reason.PLAN_STATUS, "the last steps of the plan are not stored yet: try again"
-)
 
 _REMOVABLE: Final = FINAL_STATUSES | {PlanStatus.SUBMITTED}
 
@@ -387,8 +384,6 @@ class Planner:
         root = None if step is None else self.root(plan.plan_id)
         if step is None or root is None:  # a plan that no longer fits fails when it continues
             return None
-        if not self._store.is_durable(plan.batch):
-            return UNWRITTEN_STEPS
         try:
             _, state = self._stored(plan.plan_id, root)
         except StateError:
@@ -450,8 +445,6 @@ class Planner:
     def _with_state(self, plan: RunningPlan) -> tuple[PlanRoot, PlanState] | Refusal:
         if self._run is not None and self._run.execution.plan is plan:
             return self._run.execution.root, self._run.state()
-        if not self._store.is_durable(plan.batch):
-            return UNWRITTEN_STEPS
         definition = self._store.definition(plan.plan_id)
         if self._read is None or self._read[0] != definition:
             self._read = definition, check_plan(definition, self._settings)

@@ -7,7 +7,7 @@ read from the command itself, so that a step and its outcome cannot disagree.
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from enum import Enum, unique
 from typing import Final
 
@@ -66,11 +66,12 @@ class StoredState:
 
 
 class PlanStore:
-    """The plans of one ledger."""
+    """The plans of one ledger; texts and states of plans are known before they are committed."""
 
     def __init__(self, ledger: Ledger) -> None:
         self._ledger = ledger
         self._unwritten: dict[str, tuple[int, PlanDefinition]] = {}
+        self._states: dict[str, tuple[int, StoredState | None]] = {}
         ledger.add_tables(_SCHEMA, self._settle_pruned)
 
     @property
@@ -135,9 +136,13 @@ class PlanStore:
             "INSERT OR REPLACE INTO plan_states VALUES (?, ?, ?, ?, ?)",
             (plan_id, state.digest, state.utc_s, state.suspended, state.text),
         )
+        self._note(plan_id, state)
 
     def state(self, plan_id: str) -> StoredState | None:
-        """Return the committed state of a plan; None if it has none."""
+        """Return the state of a plan; None if it has none."""
+        batch, unwritten = self._states.get(plan_id, (0, None))
+        if not self.is_durable(batch):
+            return unwritten
         rows = self._ledger.rows(
             "SELECT digest, utc_s, suspended, state FROM plan_states WHERE plan_id = ?", (plan_id,)
         )
@@ -153,6 +158,9 @@ class PlanStore:
     def stop_timers(self, plan_id: str) -> None:
         """Stop the timers of a plan, from the time of its state on."""
         self._ledger.write("UPDATE plan_states SET suspended = 1 WHERE plan_id = ?", (plan_id,))
+        _, unwritten = self._states.get(plan_id, (0, None))
+        if unwritten is not None:
+            self._note(plan_id, replace(unwritten, suspended=True))
 
     def last_report(self, plan_id: str, command_id: int) -> Report | None:
         """Return the last report on the life cycle of a plan's command, if it is stored."""
@@ -185,6 +193,12 @@ class PlanStore:
         """Delete the state and the journal."""
         for table in ("plan_states", "plan_steps"):
             self._ledger.write(f"DELETE FROM {table} WHERE plan_id = ?", (plan_id,))
+        self._note(plan_id, None)
+
+    def _note(self, plan_id: str, state: StoredState | None) -> None:
+        """Note the state of the last write, and forget those that are committed."""
+        self._states = {i: at for i, at in self._states.items() if not self.is_durable(at[0])}
+        self._states[plan_id] = self.last_batch, state
 
     def _settle_pruned(self, identity: Identity, stage: Stage) -> None:
         """Store the outcome of a step before its command is pruned."""

@@ -13,6 +13,7 @@ from executive.commands import (
     AbortPlan,
     ActivatePlan,
     AnswerQuestion,
+    Command,
     HoldAtNode,
     PlanSteering,
     ResumePlan,
@@ -21,11 +22,11 @@ from executive.commands import (
     SubmitPlan,
     SuspendPlan,
 )
-from executive.commands.lifecycle import Accepted
+from executive.commands.lifecycle import Accepted, SubmitResult
 from executive.plans.state import MAX_STATE_LENGTH
 from executive.values.clock import START_UTC_S
 from executive.values.reasons import Reason
-from executive.values.reports import PlanStatus, Stage
+from executive.values.reports import Identity, PlanStatus, Stage
 from tests.support.plans import PlanBench, plan
 
 COMPLETED, FAILED, SUSPENDED = PlanStatus.COMPLETED, PlanStatus.FAILED, PlanStatus.SUSPENDED
@@ -197,6 +198,29 @@ REFUSED: list[tuple[PlanSteering, Reason, str]] = [
     (AnswerQuestion("survey", "long", "stay"), Reason.NO_SUCH_QUESTION, "Sequence/ditch"),
     (AnswerQuestion("survey", "ditch", "fly"), Reason.NO_SUCH_OPTION, "cross or stay"),
 ]
+
+
+@pytest.mark.parametrize("kill", [False, True])
+def test_a_burst_of_requests_is_executed_in_order(bench: PlanBench, kill: bool) -> None:
+    bench.begin(DRIVE, 2.0)
+    answers: list[SubmitResult] = []
+    skip, hold = SkipNode("survey", "long", "SUCCESS"), HoldAtNode("survey", "camera")
+    for number, request in enumerate((SuspendPlan("survey"), skip, hold), 7000):
+        bench.executive.submit(Command(Identity("MOE", number), request, "direct"), answers.append)
+    if not kill:
+        resume = Command(Identity("MOE", 7003), ResumePlan("survey"), "direct")
+        bench.executive.submit(resume, answers.append)
+    bench.executive.serve_inbox()
+    assert [each for each in answers if not isinstance(each, Accepted)] == []
+    if kill:
+        bench.crash()
+        bench.step()
+        bench.request(ResumePlan("survey"))
+    bench.step()
+    assert bench.until(SUSPENDED, COMPLETED) is SUSPENDED
+    assert bench.status().text == "held at plan:survey/Sequence/camera"
+    assert bench.resumed() is COMPLETED
+    assert bench.ends() == [Stage.CANCELLED, Stage.EXECUTED]
 
 
 def test_what_cannot_be_is_refused_and_changes_nothing(bench: PlanBench) -> None:
