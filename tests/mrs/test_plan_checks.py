@@ -192,6 +192,16 @@ async def test_a_killed_trial_leaves_no_files(
     assert not any(tmp_path.glob("rover-check-*"))
 
 
+async def test_a_trial_needs_a_temporary_folder(
+    client: MrsClient, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "missing"))
+    for _ in range(2):  # the second is not busy
+        with pytest.raises(MalError, match="need a temporary folder") as refused:
+            await client.check_plan(GOOD, TRY)
+        assert refused.value.number == AreaError.NOT_SUPPORTED.value
+
+
 async def test_a_check_ends_with_the_link(
     client: MrsClient, aboard: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -96,5 +96,13 @@ class PlanCheckService:
 
 
 def _files() -> TemporaryDirectory[str]:
-    """Return a folder for simulated runs: a killed process does not remove its files."""
-    return TemporaryDirectory(prefix="rover-check-", ignore_cleanup_errors=True)
+    """Return a folder for simulated runs: a killed process does not remove its files.
+
+    Raises:
+        MalError: NotSupported, the file system is read-only or full.
+    """
+    try:
+        return TemporaryDirectory(prefix="rover-check-", ignore_cleanup_errors=True)
+    except OSError as error:
+        text = f"simulated runs need a temporary folder (TMPDIR): {error}"
+        raise with_text(AreaError.NOT_SUPPORTED, text) from error
