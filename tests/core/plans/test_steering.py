@@ -15,6 +15,7 @@ from executive.commands import (
     AnswerQuestion,
     Command,
     HoldAtNode,
+    PlanRequest,
     PlanSteering,
     ResumePlan,
     RetryNode,
@@ -205,7 +206,8 @@ def test_a_burst_of_requests_is_executed_in_order(bench: PlanBench, kill: bool) 
     bench.begin(DRIVE, 2.0)
     answers: list[SubmitResult] = []
     skip, hold = SkipNode("survey", "long", "SUCCESS"), HoldAtNode("survey", "camera")
-    for number, request in enumerate((SuspendPlan("survey"), skip, hold), 7000):
+    requests: list[PlanRequest] = [SuspendPlan("survey"), skip, hold]
+    for number, request in enumerate(requests, 7000):
         bench.executive.submit(Command(Identity("MOE", number), request, "direct"), answers.append)
     if not kill:
         resume = Command(Identity("MOE", 7003), ResumePlan("survey"), "direct")
