@@ -230,6 +230,7 @@ class SimulatedJackal(SimulatedBody):
         self._other_command_s = 0.0
         suite = SensorSuite(sensors, seed, self)
         self._read_every, self._read_sensors = suite.every, suite.read
+        self._skip_sensors = suite.skip
         self._other_input: str | None = None
         self._actuate()
 
@@ -300,6 +301,7 @@ class SimulatedJackal(SimulatedBody):
     def skip(self, duration_s: float) -> None:
         """Let time pass; the last facts arrive at its end: of the battery, and the odometry."""
         super().skip(duration_s)
+        self._skip_sensors()
         self._report_battery()
         if self._published is not None:
             stamp_s = self._published.stamp_s + duration_s

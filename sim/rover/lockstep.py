@@ -220,7 +220,9 @@ class LockStep:
         if not rested or self._steps % _SECOND != round(MEASURED_S / STEP_S):
             return 0.0
         until_s = min(self.time_s + min(limit_s, MAX_SKIP_S), *self._timers_s())
-        steps = max(0, floor(until_s) * _SECOND - self._tick_steps - self._steps)
+        steps = floor(until_s) * _SECOND - self._tick_steps - self._steps
+        if steps <= 0:
+            return 0.0
         self.rover.skip(steps * STEP_S)
         self._steps += steps
         self.clock.set(self._steps * STEP_S)
@@ -246,13 +248,9 @@ class LockStep:
         tree, utc_s = self.executive.tree, self.clock.utc_s() - self.time_s
         plan = tree.plan if isinstance(tree, RoverTree) else None
         yield inf
-        for node in () if plan is None else plan.nodes:
-            if node.status is node.status.RUNNING:
-                yield getattr(node, "until_s", None) or inf
-                until_utc_s = getattr(node, "until_utc_s", None)
-                ports = (node.plan.ports.get(name) for name in ("utc", "from", "until"))
-                times = [each for each in (until_utc_s, *ports) if isinstance(each, float | int)]
-                yield from (each - utc_s for each in times if each - utc_s > self.time_s)
+        for each in () if plan is None else plan.details():
+            if each.next_utc_s is not None and each.next_utc_s - utc_s > self.time_s:
+                yield each.next_utc_s - utc_s
 
     def kill(self) -> None:
         """End the executive as by kill -9: it receives no facts, and does not tick or command."""

@@ -229,6 +229,10 @@ class SensorSuite:
             self._delayed.append((due_s, fact))
         return published
 
+    def skip(self) -> None:
+        """Drop what is in transit: after a skip of time it would be too old."""
+        self._delayed.clear()
+
     def _arrived(self, time_s: float) -> list[Fact]:
         pending, until_s = self._delayed, time_s + SOON_S
         self._delayed = [each for each in pending if each[0] > until_s]

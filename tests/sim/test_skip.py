@@ -2,14 +2,14 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import pytest
 
 from executive.commands import ActivatePlan, Command, PlanDefinition, Request, SubmitPlan
 from executive.commands.lifecycle import Accepted
 from executive.plans import FORMAT
-from executive.settings import SecondOdometrySettings, load_settings
+from executive.settings import LaserSettings, SecondOdometrySettings, load_settings
 from executive.values.reports import Identity, PlanStatus, Severity
 from sim.rover import World
 from sim.rover.faults import BatterySilent, OdometryDrift, OdometryJitter
@@ -98,10 +98,41 @@ def test_delayed_odometry_is_not_silent_after_a_skip(lock: LockStep) -> None:
 
 def test_a_rover_with_second_odometry_does_not_skip(tmp_path: Path) -> None:
     """Its monitor would report it as silent."""
-    settings = load_settings("jackal")
-    sensors = replace(settings.sensors, second_odometry=SecondOdometrySettings(rate_hz=2.0))
-    lock = LockStep(replace(settings, sensors=sensors), World(), tmp_path, skips=True)
+    lock = _with(tmp_path, second_odometry=SecondOdometrySettings(rate_hz=2.0))
     for _ in range(100):
         lock.run(lock.settings.tick_s)
         assert lock.skip() == 0.0
     assert not lock.downlink_record.reports
+
+
+def test_no_sensor_is_silent_after_a_skip_with_a_laser(tmp_path: Path) -> None:
+    """A scan that is in transit at the begin does not arrive at the end."""
+    lock = _with(tmp_path, laser=LaserSettings(10.0))
+    skips = 0
+    for _ in range(100):
+        lock.run(lock.settings.tick_s)
+        skips += lock.skip() > 0
+    assert skips > 2
+    assert not lock.downlink_record.reports
+
+
+def _with(folder: Path, **own: Any) -> LockStep:
+    """Return a rover with further sensors."""
+    settings = load_settings("jackal")
+    sensors = replace(settings.sensors, **own)
+    return LockStep(replace(settings, sensors=sensors), World(), folder, skips=True)
+
+
+def test_a_step_after_a_delay_is_skipped(lock: LockStep) -> None:
+    """The delay has passed, and is no timer any longer."""
+    plan = PLAN.replace(b"<Sleep", b'<Delay delay_msec="3000"><Sleep')
+    plan = plan.replace(b'7200000"/>', b'7200000"/></Delay>')
+    lock.run(1.0)
+    _send(lock, 1, SubmitPlan(PlanDefinition("p", "p.xml", FORMAT, plan)))
+    _send(lock, 2, ActivatePlan("p"))
+    skipped_s = 0.0
+    for _ in range(250):
+        lock.run(lock.settings.tick_s)
+        lock.executive.ground.record_contact()
+        skipped_s += lock.skip()
+    assert skipped_s > 500.0
