@@ -9,8 +9,8 @@ from math import inf
 from typing import Any, Final
 
 from executive.plans import PlanRoot, nodes
+from executive.values.plan_nodes import NodeStatus
 from sim.campaign.verdict import clopper_pearson, quantile
-from sim.trial.plan_log import NodeResult
 from sim.trial.run import TrialResult
 
 CONFIDENCE: Final = 0.95
@@ -58,16 +58,14 @@ class BranchCount:
 
 @dataclass(frozen=True, slots=True)
 class NodeCounts:
-    """A node, and the numbers of runs by its last result; the others never reached it."""
+    """A node, the numbers of runs by the result of its last end, and how often it began in all."""
 
     node: str
     line: int
     kind: str
     success: int
     failure: int
-    skipped: int
-    halted: int
-    running: int
+    tries: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,9 +198,12 @@ def _branches(root: PlanRoot, runs: Sequence[TrialResult]) -> Iterator[BranchCou
 
 def _node_counts(root: PlanRoot, runs: Sequence[TrialResult]) -> Iterator[NodeCounts]:
     for node in nodes(root):
-        found = Counter(run.results.get(node.location.number) for run in runs)
-        where = node.location.path, node.location.line, node.kind.name
-        yield NodeCounts(*where, *(found[result] for result in NodeResult))
+        path = node.location.path
+        found = [each for run in runs for each in run.nodes if each.path == path]
+        results = Counter(each.result for each in found)
+        counts = results[NodeStatus.SUCCESS], results[NodeStatus.FAILURE]
+        tries = sum(each.tries for each in found)
+        yield NodeCounts(path, node.location.line, node.kind.name, *counts, tries)
 
 
 def _failures(runs: Sequence[TrialResult]) -> Iterator[FailureGroup]:

@@ -1,11 +1,8 @@
 """`try_once`: one run of a plan in lock step, with drawn conditions and drawn answers."""
 
 import tempfile
-import time
-from bisect import insort
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
 from pathlib import Path
@@ -26,8 +23,9 @@ from executive.obstacles.zones import Footprint
 from executive.plans import PlanRoot, check_plan, nodes
 from executive.settings import SettingsError, load_yaml
 from executive.values.clock import START_UTC_S
+from executive.values.plan_nodes import PlanNodeReport, Question
 from executive.values.reasons import Refusal
-from executive.values.reports import Identity, PlanStatus, Stage
+from executive.values.reports import Identity, PlanStatus, PlanUpdate, Stage
 from sim.campaign.draws import draw
 from sim.campaign.model import Campaign, Variation
 from sim.rover.lockstep import LockStep
@@ -36,8 +34,8 @@ from sim.scenario.lockstep_run import LockstepRun, run_in_lock_step
 from sim.scenario.model import RunMode, Scenario, Send
 from sim.scenario.outcome import digest_of
 from sim.scenario.reading import read_scenario, scenario_path
-from sim.scenario.record import Answer, Record, SentCommand
-from sim.trial.plan_log import NodeResult, OpenedQuestion, PlanLog
+from sim.scenario.record import Record, SentCommand
+from sim.trial.choices import Choices, CountingTree
 
 BEGIN_S: Final = 1.0
 """Time of the submission after the start; the sensors have then been measured."""
@@ -135,9 +133,8 @@ class TrialResult:
         energy_j: energy drawn from the battery in the run.
         clearance_m: minimum distance of the rover from a rock, a wall or a step; None without.
         digest: digest of all events; equal for runs that are identical bit for bit.
-        results: last result of each node that was reached, by its number.
+        nodes: nodes of the plan at the end; empty after a refusal.
         choices: number of the node, choice, and how often it was chosen.
-        seconds: duration of the execution.
     """
 
     draw: int
@@ -147,9 +144,8 @@ class TrialResult:
     energy_j: float
     clearance_m: float | None
     digest: str
-    results: dict[int, NodeResult]
+    nodes: tuple[PlanNodeReport, ...]
     choices: tuple[tuple[int, str, int], ...]
-    seconds: float = field(compare=False)
 
     @property
     def completed(self) -> bool:
@@ -185,125 +181,140 @@ def try_once(trial: Trial, number: int, out: Path | None = None) -> TrialResult:
     Raises:
         SettingsError: a value does not fit.
     """
-    began_s = time.perf_counter()
-    scenario, log = trial.scenario_of(number), PlanLog()
+    scenario, choices = trial.scenario_of(number), Choices()
     root = check_plan(trial.plan, scenario.settings)
     if isinstance(root, Refusal):
         raise SettingsError(f"draw {number}: the plan is refused: {root.text}")
+    ends: list[_PlanEnd] = []
 
     def run(scenario: Scenario, lock: LockStep, record: Record) -> LockstepRun:
-        return _TrialRun(scenario, lock, record, log, partial(_draw_answer, trial.seed, number))
+        return _TrialRun(scenario, lock, record, (trial.seed, number), ends)
 
     with tempfile.TemporaryDirectory(prefix="rover-try-") as folder:
-        start_utc_s = begin_utc_s(root, trial.begin_utc_s) - BEGIN_S
         record = run_in_lock_step(
-            scenario, Path(folder), None, None, start_utc_s, log.build_tree, run
+            scenario,
+            Path(folder),
+            start_utc_s=begin_utc_s(root, trial.begin_utc_s) - BEGIN_S,
+            build_tree=partial(CountingTree, choices),
+            run=run,
         )
         if out is not None:
             from sim.scenario.pictures import write_run
 
             out.mkdir(parents=True, exist_ok=True)
             write_run(out, scenario, record)
-    last, (status, reason) = record.plans[-1:], _end_of(record)
+    last, nodes_at_end = ends[0]
+    status, reason = last.status, last.text
+    if status is PlanStatus.SUBMITTED:
+        refusals = [each.text for each in record.reports if each.stage is Stage.REJECTED]
+        reason = f"refused: {refusals[-1] if refusals else 'no contact'}"
     return TrialResult(
         draw=number,
         status=status,
         reason=reason,
-        duration_s=round(record.since_start_s(last[0].utc_s) - BEGIN_S, 3) if last else 0.0,
+        duration_s=max(0.0, round(record.since_start_s(last.utc_s) - BEGIN_S, 3)),
         energy_j=record.energy_j or 0.0,
         clearance_m=_clearance_m(scenario, record),
         digest=digest_of(record),
-        results=log.results,
-        choices=tuple((*key, count) for key, count in sorted(log.choices.items())),
-        seconds=time.perf_counter() - began_s,
+        nodes=nodes_at_end,
+        choices=tuple((*key, count) for key, count in sorted(choices.items())),
     )
 
 
-def _end_of(record: Record) -> tuple[PlanStatus, str]:
-    """Return the last status of the plan and its text; that of the refusal, if there is one."""
-    refusals = [each.text for each in record.reports if each.stage is Stage.REJECTED]
-    last = record.plans[-1] if record.plans else None
-    if last is None or last.status is PlanStatus.SUBMITTED:
-        return PlanStatus.SUBMITTED, f"refused: {refusals[-1] if refusals else 'no contact'}"
-    return last.status, last.text
+_PlanEnd = tuple[PlanUpdate, tuple[PlanNodeReport, ...]]
 
 
-@dataclass(frozen=True, slots=True, order=True)
+@dataclass(frozen=True, slots=True)
 class _DrawnAnswer:
-    """An answer, and its time on the clock; empty if none is given."""
+    """An answer, and its time on the clock; infinite if none is given."""
 
-    at_s: float
-    path: str
     option: str
-
-
-def _draw_answer(
-    seed: int, number: int, question: OpenedQuestion, times: int, now_s: float
-) -> _DrawnAnswer:
-    """Return the answer to a question that was opened for the n-th time.
-
-    Each option is as likely as no answer before the deadline; without one there is an answer.
-    """
-    random = np.random.default_rng([seed, number, crc32(question.path.encode()), times])
-    options = (*question.options, *(() if question.deadline_s is None else ("",)))
-    option = options[int(random.integers(len(options)))]
-    latest_s = MAX_ANSWER_S if question.deadline_s is None else question.deadline_s
-    return _DrawnAnswer(now_s + float(random.uniform(0.0, latest_s)), question.path, option)
+    at_s: float
 
 
 class _TrialRun(LockstepRun):
-    """A run that ends with its plan. An operator answers its questions while the link is up."""
+    """A run that ends with its plan. An operator answers its questions while the link is up.
+
+    Args:
+        seeds: seeds of the answers.
+        ends: receives the end of the plan.
+    """
 
     def __init__(
         self,
         scenario: Scenario,
         lock: LockStep,
         record: Record,
-        log: PlanLog,
-        draw_answer: Callable[[OpenedQuestion, int, float], _DrawnAnswer],
+        seeds: tuple[int, int],
+        ends: list[_PlanEnd],
     ) -> None:
         super().__init__(scenario, lock, record)
-        self._plan_id, self._log, self._draw_answer = scenario.title, log, draw_answer
-        self._answers: list[_DrawnAnswer] = []
+        self._plan_id, self._seeds, self._ends = scenario.title, seeds, ends
+        self._answers: dict[Question, _DrawnAnswer] = {}
         self._openings: Counter[str] = Counter()
+
+    def run(self) -> None:
+        """Run to the end, and note how the plan ended."""
+        super().run()
+        nodes_at_end = self._lock.executive.plan_nodes(self._plan_id)
+        known = () if isinstance(nodes_at_end, Refusal) else tuple(nodes_at_end)
+        self._ends.append((self._last, known))
+
+    @property
+    def _last(self) -> PlanUpdate:
+        """The last update of the plan, also if it was sent while the link was down."""
+        updates = reversed(self._lock.downlink_record.plans)
+        none = PlanUpdate(
+            self._plan_id, PlanStatus.SUBMITTED, self._record.start_utc_s, "", 0, 0, ""
+        )
+        return next((each for each in updates if each.plan_id == self._plan_id), none)
 
     @property
     def has_ended(self) -> bool:
         """Whether the plan has ended, or is suspended for good."""
-        plans = self._lock.downlink_record.plans
-        if not plans or plans[-1].status is PlanStatus.SUBMITTED:
+        last = self._last
+        if last.status is PlanStatus.SUBMITTED:
             return self._lock.time_s > BEGIN_S + REFUSED_S
-        since_s = self._lock.clock.utc_s() - plans[-1].utc_s
-        return since_s > _AFTER_S.get(plans[-1].status, inf)
+        return self._lock.clock.utc_s() - last.utc_s > _AFTER_S.get(last.status, inf)
 
     def observe(self) -> None:
         """Draw answers to the questions opened in this tick, and send those that are due."""
         super().observe()
         now_s = self._lock.time_s
-        for question in self._log.take_opened():
-            self._openings[question.path] += 1
-            self._answers = [each for each in self._answers if each.path != question.path]
-            answer = self._draw_answer(question, self._openings[question.path], now_s)
-            if answer.option:
-                insort(self._answers, answer)
-        while self._answers and self._answers[0].at_s <= now_s and self.in_contact:
-            self._send_answer(self._answers.pop(0))
+        opened = self._lock.executive.plan_questions.get(self._plan_id, ())
+        self._answers = {each: self._answers.get(each) or self._draw(each) for each in opened}
+        due = next((each for each in opened if self._answers[each].at_s <= now_s), None)
+        if due is not None and self.in_contact:
+            self._send_answer(due, self._answers.pop(due).option)
 
-    def _send_answer(self, answer: _DrawnAnswer) -> None:
+    def _draw(self, question: Question) -> _DrawnAnswer:
+        """Return the answer to a question that has been opened.
+
+        Each option is as likely as no answer before the deadline; without one there is an answer.
+        """
+        self._openings[question.key] += 1
+        own = crc32(question.key.encode()), self._openings[question.key]
+        random = np.random.default_rng([*self._seeds, *own])
+        options, latest_s = [*question.options], MAX_ANSWER_S
+        if question.until_utc_s is not None:
+            options.append("")
+            latest_s = max(0.0, question.until_utc_s - self._lock.clock.utc_s())
+        option = options[int(random.integers(len(options)))]
+        at_s = self._lock.time_s + float(random.uniform(0.0, latest_s))
+        return _DrawnAnswer(option, at_s if option else inf)
+
+    def _send_answer(self, question: Question, option: str) -> None:
         number = ANSWERS_FROM + len(self._record.sendings)
-        request = AnswerQuestion(self._plan_id, answer.path, answer.option)
         identity = Identity(OPERATOR, number)
-        sent = self.submit(
-            Command(identity, request, RunMode.LOCK_STEP.link, self._lock.clock.utc_s())
-        )
-        if sent is Answer.ACCEPTED:
-            self._log.answered.add(answer.path)
+        request = AnswerQuestion(self._plan_id, question.key, option)
+        utc_s = self._lock.clock.utc_s()
+        sent = self.submit(Command(identity, request, RunMode.LOCK_STEP.link, utc_s))
         label = f"answer {number}"
         self._record.sendings.append(SentCommand(label, identity, self._lock.time_s, sent))
 
     def next_event_s(self) -> float:
         """Return the time of the next event; also of an answer."""
-        return min((super().next_event_s(), *(each.at_s for each in self._answers[:1])))
+        return min((super().next_event_s(), *(each.at_s for each in self._answers.values())))
 
 
 def _clearance_m(scenario: Scenario, record: Record) -> float | None:

@@ -84,14 +84,15 @@ def test_drawn_answers_decide_branches_and_repeat(tmp_path: Path) -> None:
     report = _report(path, "--draws", str(DRAWS), status=1)
     counts = {(each["kind"], each["choice"]): each["count"] for each in report["branches"]}
     answers = {key[1]: count for key, count in counts.items() if key[0] == "Ask"}
-    assert answers.keys() == {"yes", "no", "no (default)"}
+    assert answers.keys() == {"answered yes", "answered no", "took the default no"}
     assert sum(answers.values()) == DRAWS
-    assert counts["Switch2", "it goes"] == answers["yes"] == report["completed"]
-    assert counts["Switch2", "it stays"] == DRAWS - answers["yes"]
+    yes = answers["answered yes"]
+    assert counts["Switch2", "took the case 1 it goes"] == yes == report["completed"]
+    assert counts["Switch2", "took the case 2 it stays"] == DRAWS - yes
     assert counts["Timeout", "expired"] == counts["WaitFor", "expired"] == DRAWS
-    assert counts["Fallback", "anyway"] == DRAWS
+    assert counts["Fallback", "took the third branch anyway"] == DRAWS
     [group] = report["failures"]
-    assert group["count"] == DRAWS - answers["yes"]
+    assert group["count"] == DRAWS - yes
     assert "it stays" in group["reason"]
     worst = report["worst"]
     assert worst["draw"] in group["draws"]
@@ -103,6 +104,39 @@ def test_drawn_answers_decide_branches_and_repeat(tmp_path: Path) -> None:
     assert repeated["worst"]["digest"] == worst["digest"]
     other = json.loads(_try(path, "--json", "--draw", str(worst["draw"]), "--seed", "1").output)
     assert other["worst"]["digest"] != worst["digest"]
+
+
+@pytest.mark.usefixtures("no_maps")
+def test_choices_are_counted_below_loops_and_not_in_each_tick(tmp_path: Path) -> None:
+    """A branch that is taken in each cycle counts each time; a test in each tick counts once."""
+    branches = '<Timeout msec="500"><Sleep msec="7000"/></Timeout><Sleep msec="1000"/>'
+    tested = '<Fallback name="ok"><AlwaysSuccess/></Fallback>'
+    tests = f'<ReactiveSequence>{tested}<Sleep msec="2000"/>'
+    loop = f'<Repeat num_cycles="3"><Fallback name="way">{branches}</Fallback></Repeat>'
+    path = _plan(tmp_path, f"<Sequence>{COMMAND}{loop}{tests}</ReactiveSequence></Sequence>")
+    report = _report(path, "--draws", "1")
+    counts = {each["choice"]: each["count"] for each in report["branches"]}
+    assert counts == {
+        "expired": 3,
+        "took the second branch Sleep": 3,
+        "took the first branch AlwaysSuccess": 1,
+    }
+    [way] = (each for each in report["nodes"] if each["node"].endswith("/way"))
+    assert (way["success"], way["failure"], way["tries"]) == (1, 0, 3)
+
+
+@pytest.mark.usefixtures("no_maps")
+def test_a_plan_that_ends_while_the_link_is_down_has_ended(tmp_path: Path) -> None:
+    """The run ends with the plan, though the ground has not received its end."""
+    scenario = tmp_path / "outage.yaml"
+    scenario.write_text(
+        "title: outage\nduration: 60\ntimeline:\n  - {at: 2, outage: 30}\n"
+        "expect:\n  - {rover: stationary, for: 1}\n",
+        encoding="utf-8",
+    )
+    path = _plan(tmp_path, f'<Sequence>{COMMAND}<Sleep msec="5000"/></Sequence>')
+    report = _report(path, "--draws", "1", "--scenario", str(scenario))
+    assert report["figures"][0]["median"] == pytest.approx(5, abs=0.3)
 
 
 @pytest.mark.usefixtures("no_maps")
