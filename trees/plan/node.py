@@ -103,6 +103,7 @@ class PlanBehaviour(Behaviour):
     loops: tuple["PlanBehaviour", ...] = ()
     unknown = ""
     _choice: object = None
+    _noted = ""
     _last: Status | None = None
     _decided = False
 
@@ -135,8 +136,10 @@ class PlanBehaviour(Behaviour):
         self.context.executed += 1
         before = self.status
         if before is IDLE and (self._decided or self.unknown):
-            self._forget_decision()
+            self._choice, self._decided, self.unknown, self.feedback_message = None, False, "", ""
         answer = self._execute_guarded() if self._guarded else self._run_contained()
+        if self._noted and before is IDLE and not self._decided:
+            self._note_decision("")  # that of the last time
         if answer is not SKIPPED:
             self.status = answer
             if answer is not before and (before is not IDLE or answer is not self._last):
@@ -185,7 +188,7 @@ class PlanBehaviour(Behaviour):
         """Continue after its state was loaded, with the decision that it took."""
         records = self.context.records
         decision = "" if records is None else records.decision(self.plan)
-        self._choice, self._decided = decision or None, bool(decision)
+        self._noted, self._choice, self._decided = decision, decision or None, bool(decision)
         if self.status is RUNNING:
             self.feedback_message = decision
 
@@ -280,9 +283,10 @@ class PlanBehaviour(Behaviour):
             text: the choice and its cause; it begins with one of `DECISIONS`.
         """
         self._decided, self.feedback_message = True, text
-        if choice != self._choice and self.context.records is not None:
+        if choice != self._choice:
             self._choice = choice
-            self.context.records.note_decision(self.plan, text)
+            if text != self._noted:
+                self._note_decision(text)
 
     def branch_text(self, at: int) -> str:
         """Return which child it chose, as the begin of a text of a choice."""
@@ -304,11 +308,10 @@ class PlanBehaviour(Behaviour):
         if records is not None:
             records.note(self.plan, begins, result, self.context.port.why)
 
-    def _forget_decision(self) -> None:
-        """Begin without the decision of the last time."""
-        if self._decided and (records := self.context.records) is not None:
-            records.note_decision(self.plan, "")
-        self._choice, self._decided, self.unknown, self.feedback_message = None, False, "", ""
+    def _note_decision(self, text: str) -> None:
+        self._noted = text
+        if (records := self.context.records) is not None:
+            records.note_decision(self.plan, text)
 
     def _run_contained(self) -> Answer:
         """Run; a value that is not known or not valid fails the node."""
