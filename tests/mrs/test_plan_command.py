@@ -49,7 +49,7 @@ def test_a_plan_is_checked_where_no_rover_is(tmp_path: Path) -> None:
 
 def test_a_plan_is_proved_or_its_faults_are_named_by_line(tmp_path: Path) -> None:
     good = rover("prove", str(EXAMPLE))
-    assert (good.exit_code, good.stdout) == (0, "look-around: proved, 30 states, 119 ticks\n")
+    assert (good.exit_code, good.stdout) == (0, "look-around: proved, 11 states, 43 ticks\n")
     body = """<Sequence>
       <moveForward distance="1" deadline_s="9"/>
       <AlwaysFailure/></Sequence>"""

@@ -41,6 +41,11 @@ MAX_VALUES: Final = 8
 EXPIRED_S: Final = 1e15
 """A time after all timers."""
 
+_REPEATING: Final = frozenset(
+    {"ReactiveSequence", "ReactiveFallback", "WhileDoElse", *(f"Switch{n}" for n in range(2, 7))}
+)
+"""Nodes that can begin a child again after it succeeded, apart from the cycles of loops."""
+
 Active = tuple[tuple[int, tuple[int, ...]], ...]
 
 
@@ -49,7 +54,8 @@ class ExploredState(NamedTuple):
 
     Attributes:
         active: nodes with an active command, each with the cycles of the loops around it.
-        done: those with a command that succeeded since the loops around them began a cycle.
+        done: those with a command that succeeded since the loops around them began a cycle, if
+            they can be done again.
         past: the latest absolute time of a node that has passed, with its number.
     """
 
@@ -103,6 +109,8 @@ class Exploration:
         self.limits = abstraction.limits
         self.widened: set[str] = set()
         self._names = plan.blackboard.names
+        again = (each for each in nodes(plan) if each.kind.name in _REPEATING)
+        self._repeatable = {below.location.number for each in again for below in nodes(each)}
         self._active: dict[int, tuple[int, ...]] = {}
         self._done: set[tuple[int, tuple[int, ...]]] = set()
         self._past: dict[int, float] = {}
@@ -226,7 +234,8 @@ class Exploration:
         cycles = self._active.pop(number, ())
         if choice == 2:
             return CommandOutcome(False, ANY)
-        self._done.add((number, cycles))
+        if number in self._repeatable:
+            self._done.add((number, cycles))
         return CommandOutcome(True, file=ANY)
 
     def fail_overdue(self, step: PlanStep, allowed_s: float) -> CommandOutcome:

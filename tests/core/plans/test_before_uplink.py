@@ -545,6 +545,12 @@ def test_a_planned_begin_decides_which_windows_are_missed() -> None:
         assert [(each.level, each.text.partition(":")[0]) for each in found] == expected
 
 
+def test_a_long_list_of_alternatives_is_explored_to_its_end() -> None:
+    either = f"<Fallback><Sequence>{DRIVE}{PICTURE}</Sequence>{HOME}</Fallback>"
+    proof = prove(read(definition(f"<Sequence>{either * 20}</Sequence>")))
+    assert (proof.verdict, proof.states < 100) == ("proved", True)
+
+
 def test_nested_loops_are_checked_in_time() -> None:
     loop, end = '<RetryUntilSuccessful num_attempts="2">', "</RetryUntilSuccessful>"
     plan = definition(f"{loop * 12}{PICTURE}{end * 12}")
