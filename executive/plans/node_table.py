@@ -17,6 +17,13 @@ from executive.values.reports import Identity
 
 _STATUSES: Final[Mapping[str, NodeStatus]] = {each.name[0]: each for each in NodeStatus}
 _REASONS: Final = {each.value: each for each in Reason}
+_PENDING: Final = {
+    "SUCCESS": "is to be skipped with SUCCESS",
+    "FAILURE": "is to be skipped with FAILURE",
+    "RETRY": "is to begin again",
+    "HOLD": "the plan is suspended before it begins",
+}
+"""Steering that a node has not obeyed yet."""
 _ABSOLUTE: Final = {"WaitUntil", "WaitFor", "Window", "Ask"}
 """Nodes with times that continue while the plan is suspended."""
 
@@ -50,7 +57,7 @@ def node_reports(
         executes: whether it executes: otherwise its timers are stopped.
     """
     letters = "" if state.tree is None else state.tree.statuses
-    last = dict(state.last)
+    last, answers, forced = dict(state.last), dict(state.answers), dict(state.forced)
     records, details = read_records(state.records)
     found = []
     for node in nodes(root):
@@ -59,7 +66,10 @@ def node_reports(
         detail = details.get(number, NodeDetail(number))
         continues = executes or node.kind.name in _ABSOLUTE
         next_utc_s = detail.next_utc_s if continues and letters[number:][:1] == "R" else None
-        is_open = at.path in state.questions and at.path not in dict(state.answers)
+        is_open = at.path in state.questions and at.path not in answers
+        pending = _PENDING.get(forced.get(number, ""), "")
+        if at.path in answers:
+            pending = f"answered {answers[at.path]} in advance"
         found.append(
             PlanNodeReport(
                 at.path,
@@ -72,7 +82,7 @@ def node_reports(
                 _reason(record.reason),
                 record.text,
                 detail.unknown,
-                record.decision,
+                pending or record.decision,
                 next_utc_s,
                 question_of(node, next_utc_s) if is_open else None,
                 Identity(source_of(plan_id), last[number]) if number in last else None,

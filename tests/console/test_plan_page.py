@@ -218,7 +218,10 @@ async def test_nodes_of_a_running_plan_are_shown_and_steered(
         await expect(node(page, "noon")).to_contain_text("skipped with FAILURE")
         await expect(row).to_contain_text("suspended")
         await expect(row).to_contain_text("held at plan:day/Fallback/moveTo")
-        await page.get_by_role("button", name="nodes of day, suspended").click()
+        await expect(node(page, "moveTo").get_by_role("button", name="skip")).to_be_visible()
+        await row.get_by_role("button", name="abort").click()
+        await expect(node(page, "moveTo").get_by_role("button", name="skip")).to_have_count(0)
+        await page.get_by_role("button", name="nodes of day, aborted").click()
         await expect(page.get_by_text("This plan is no list of steps")).to_be_visible()
 
 

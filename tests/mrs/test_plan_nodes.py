@@ -101,3 +101,20 @@ def test_a_narrow_table_of_nodes_has_long_texts_below(running: Aboard, tmp_path:
     assert "tries" in shown[at - 3]
     assert "    moveForward" in shown
     assert max(map(len, shown[at:])) <= 60
+
+
+def test_steering_that_is_not_executed_yet_is_reported(running: Aboard, tmp_path: Path) -> None:
+    file, to = tmp_path / "crossing.xml", ("--to", running.uri)
+    file.write_bytes(QUESTION.content)
+    assert rover("submit", str(file), *to).exit_code == 0
+    for typed in (("answer", "ditch", "cross"), ("hold", "moveForward")):
+        assert rover(*typed, "--plan", "crossing", *to).exit_code == 0
+    shown = rover("status", "crossing", *to).output
+    assert "answered cross in advance" in shown
+    assert "the plan is suspended before it begins" in shown
+    assert rover("activate", "crossing", *to).exit_code == 0
+    running.run(1.0)
+    shown = rover("status", "crossing", *to).output
+    assert "answered cross" in shown
+    assert "in advance" not in shown
+    assert "before it begins" not in shown.partition("node  ")[2]

@@ -13,6 +13,8 @@ import { clock } from "../format.js";
 
 const MARKS = { running: "▶", success: "✓", failure: "✗" };
 const SUBTREE = "SubTree";
+/** States of ended plans: their nodes cannot be steered. */
+const ENDED = new Set(["completed", "failed", "aborted"]);
 /** Commands that need a second press, since they cancel commands or cannot be undone, with its choices. */
 const CHOICES = {
   skip: { "as success": ["skipNode", { result: "SUCCESS" }], "as failure": ["skipNode", { result: "FAILURE" }] },
@@ -122,7 +124,8 @@ export class PlanNodes extends View {
     setText(problem, [...this.findingsAt(node.line)].join("\n"));
     problem.hidden = !problem.textContent;
     const pending = this.#pending.path === node.path ? this.#pending.act : "";
-    const offered = !this.watched ? [] : pending ? [...Object.keys(CHOICES[pending]), "cancel"] : actsOf(node);
+    const state = this.asset.plansAboard.get(this.watched)?.status.toLowerCase() ?? "";
+    const offered = !this.watched || ENDED.has(state) ? [] : pending ? [...Object.keys(CHOICES[pending]), "cancel"] : actsOf(node);
     reconcile(buttons, offered, String, (act) => button(act, "", () => this.#press(node.path, act), { "aria-label": `${act} ${node.name}` }));
   }
 
