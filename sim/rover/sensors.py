@@ -230,7 +230,7 @@ class SensorSuite:
         return published
 
     def skip(self) -> None:
-        """Drop what is in transit: after a skip of time it would be too old."""
+        """Drop scans in transit: after a skip of time they would be too old."""
         self._delayed.clear()
 
     def _arrived(self, time_s: float) -> list[Fact]:

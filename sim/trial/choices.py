@@ -19,7 +19,7 @@ Choices = Counter[tuple[int, str]]
 
 
 class CountingTree(RoverTree):
-    """A tree of the rover whose plans add to the choices."""
+    """A tree of the rover; its plans add to the choices."""
 
     def __init__(self, choices: Choices, context: Context) -> None:
         super().__init__(context)

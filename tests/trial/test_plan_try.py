@@ -121,8 +121,8 @@ def test_choices_are_counted_below_loops_and_not_in_each_tick(tmp_path: Path) ->
         "took the second branch Sleep": 3,
         "took the first branch AlwaysSuccess": 1,
     }
-    [way] = (each for each in report["nodes"] if each["node"].endswith("/way"))
-    assert (way["success"], way["failure"], way["tries"]) == (1, 0, 3)
+    [found] = (each for each in report["nodes"] if each["node"].endswith("/way"))
+    assert (found["success"], found["failure"], found["tries"]) == (1, 0, 3)
 
 
 @pytest.mark.usefixtures("no_maps")
