@@ -277,6 +277,8 @@ class Planner:
             executive.record.ledger.LedgerError: the state cannot be read.
             LeafError: a leaf raised.
         """
+        if self._run is None:
+            self._host.detach()  # of a plan that ended: recordings have its last tick
         plan = self._executing
         if plan is None:
             return self._restarted is not None and self._resume_restarted(self._restarted)
@@ -293,7 +295,7 @@ class Planner:
                 self.suspend(Refusal(Reason.PLAN_SUSPENDED, text))
                 return True
             return self._command(run, submit)
-        self._end_run()
+        self._end_run(is_shown=True)
         if result is PlanResult.SUCCESS:
             self._change(plan, PlanEvent.COMPLETE, "completed", figures=run.result_figures)
         else:
@@ -578,11 +580,13 @@ class Planner:
                     self._run.tree.halt()
             self._end_run()
 
-    def _end_run(self) -> None:
+    def _end_run(self, is_shown: bool = False) -> None:
+        """End the run; its tree is detached at once, or shown until the next tick."""
         if self._run is not None:
             self._run.execution.plan.final_state = self._run.final_state(self._clock)
         self._run, self._active.waits = None, ""
-        self._host.detach()
+        if not is_shown:
+            self._host.detach()
 
 
 def _no_plan(plan_id: str) -> Refusal:

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from adapters.recording import RunFile
+from adapters.recording import RunFile, RunReader
 from adapters.recording.replay import replay
+from adapters.recording.timed_items import read_timed
 from executive.commands import (
     AbortPlan,
     ActivatePlan,
@@ -24,6 +25,7 @@ from executive.commands import (
     SuspendPlan,
 )
 from executive.commands.lifecycle import Accepted, SubmitResult
+from executive.core.recording import TreeChanged
 from executive.plans.state import MAX_STATE_LENGTH
 from executive.values.clock import START_UTC_S
 from executive.values.reasons import Reason
@@ -278,6 +280,22 @@ def test_a_recording_of_steering_is_replayed_with_the_same_decisions(tmp_path: P
         assert bench.resumed() is COMPLETED
     replayed = replay(path)
     assert (replayed.difference, replayed.whole) == (None, True)
+
+
+def test_a_recording_has_the_last_tick_of_a_plan(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with closing(RunFile(path)) as tape, PlanBench(tmp_path, tape=tape) as bench:
+        bench.begin(
+            CAMERA.replace(" pan", ' _skipIf="1 &lt; 2" pan').replace("camera", "only"), 0.5
+        )
+        assert bench.status().status is FAILED
+        assert not any("only" in each.path for each in bench.nodes())
+    changes = [each.item for each in read_timed(RunReader(path), {TreeChanged})]
+    assert [
+        [each.message for each in item.nodes if each.path.endswith("/only")]
+        for item in changes
+        if isinstance(item, TreeChanged) and "only" in str(item)
+    ] == [["skipped: _skipIf 1 < 2"], []]
 
 
 def test_a_kill_after_the_report_and_before_the_node_obeys_loses_nothing(bench: PlanBench) -> None:
