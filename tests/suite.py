@@ -40,6 +40,7 @@ SIMULATED_TESTS: Final = (
     "tests/conformance",
     "tests/docs/test_campaigns.py",
     "tests/docs/test_commands.py",
+    "tests/docs/test_missions.py",
     "tests/drawing",
     "tests/mops",
     "tests/navigation",
@@ -55,7 +56,9 @@ SIMULATED_TESTS: Final = (
     "tests/stress/test_core_storm.py",
     "tests/stress/test_ledger_kills.py",
     "tests/stress/test_mops_fuzz.py",
+    "tests/stress/test_plan_kills.py",
     "tests/stress/test_recording_fuzz.py",
+    "tests/trial",
 )
 """Other tests that need no real time."""
 SLOWEST: Final = ("--durations=10", "--durations-min=5")

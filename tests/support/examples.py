@@ -1,7 +1,9 @@
 """How many similar cases `rover test` runs: a part of them; all of them with `--stress`."""
 
 import os
-from typing import Final
+from typing import Any, Final
+
+import pytest
 
 ALL: Final = os.environ.get("EXAMPLES") == "all"
 """Set by `--stress`, which runs each file that imports this module or hypothesis."""
@@ -10,3 +12,8 @@ ALL: Final = os.environ.get("EXAMPLES") == "all"
 def examples(full: int) -> int:
     """Return the number of examples that hypothesis draws: half of them here."""
     return full if ALL else full // 2
+
+
+def in_full(*values: Any) -> Any:
+    """Return a case of a parametrised test that is left out here: its like are run."""
+    return pytest.param(*values, marks=pytest.mark.skipif(not ALL, reason="with --stress"))

@@ -559,6 +559,7 @@ def test_nested_loops_are_checked_in_time() -> None:
     assert process_time() - begin_s < 0.5
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("mission", MISSIONS, ids=lambda path: path.stem)
 def test_a_mission_is_without_a_fault(mission: Path) -> None:
     plan = PlanDefinition(mission.stem, mission.name, FORMAT, mission.read_bytes())

@@ -2,6 +2,7 @@
 
 import shutil
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -10,9 +11,12 @@ from executive.commands import Resume, ResumePlan
 from executive.record import Ledger, LedgerError
 from executive.record.writer import Batch, WriterState
 from executive.values.reports import PlanStatus, Stage
+from tests.support.examples import in_full
 from tests.support.plans import PlanBench, plan, xml
 
 STEPS = "".join(f'<moveForward distance="{0.1 * n:.1f}" deadline_s="60"/>' for n in (1, 2, 3))
+FEW = (0, 3, 5, 6, 9, 10, 12, 15)
+"""Half of the cases below, with each pair of a plan's kind, time of the failure and delay."""
 
 
 class FailedSync:
@@ -56,9 +60,14 @@ def test_a_start_syncs_the_log_that_it_finds(tmp_path: Path) -> None:
     file.abandon()
 
 
-@pytest.mark.parametrize("resumes", [False, True])
-@pytest.mark.parametrize("ticks", [1, 3, 20, 40])
-@pytest.mark.parametrize("more", [0, 3])
+@pytest.mark.at_length
+@pytest.mark.parametrize(
+    ("resumes", "ticks", "more"),
+    [
+        case if index in FEW else in_full(*case)
+        for index, case in enumerate(product((False, True), (1, 3, 20, 40), (0, 3)))
+    ],
+)
 def test_a_plan_continues_over_a_failed_sync(
     tmp_path: Path, resumes: bool, ticks: int, more: int
 ) -> None:

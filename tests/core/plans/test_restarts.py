@@ -10,6 +10,7 @@ from executive.commands import ResumePlan, Stop, SuspendPlan
 from executive.commands.catalogue import Resume
 from executive.values.geometry import Pose
 from executive.values.reports import PlanStatus, Stage
+from tests.support.examples import examples
 from tests.support.kinematic import STEP_S
 from tests.support.plans import PlanBench, plan, xml
 from trees.plan.tree import NODES
@@ -59,6 +60,7 @@ def continues(bench: PlanBench) -> bool:
     return bench.status().status is EXECUTING
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("kills", [1, 2, 3, 4])
 def test_each_kill_while_a_plan_waits_for_its_position_counts(bench: PlanBench, kills: int) -> None:
     begin(bench)
@@ -82,11 +84,12 @@ def test_timers_continue_while_a_plan_waits_for_its_position(bench: PlanBench) -
     assert len(bench.commanded()) == 1
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("cause", ["stop", "suspended", "activated", "waiting", "too late"])
 def test_a_plan_that_another_cause_suspended_waits_over_the_next_kill(
     bench: PlanBench, cause: str
 ) -> None:
-    begin(bench)
+    begin(bench, f'<Sequence><Sleep msec="6000"/>{BACK}</Sequence>')
     crash_without_odometry(bench)
     match cause:
         case "stop":
@@ -130,6 +133,7 @@ def why_not(bench: PlanBench) -> list[str]:
     return [why for _, found, why in texts if found]
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(("stored_m", "here_m"), [(0.15, 0.01), (0.15, 0.03), (0.015, 0.01)])
 def test_odometry_at_its_origin_may_have_restarted(
     bench: PlanBench, stored_m: float, here_m: float
@@ -157,12 +161,13 @@ def test_a_rover_far_from_its_stored_position_is_reported(bench: PlanBench) -> N
     assert why_not(bench) == ["the rover is more than 1.5 m from its stored position"]
 
 
+@pytest.mark.at_length
 def test_a_suspended_plan_leaves_no_growing_record(bench: PlanBench) -> None:
     begin(bench, f"<Sequence>{SLEEP}{BACK}</Sequence>")
     bench.request(SuspendPlan("survey"))
     bench.run(1.0)
     before = sizes(bench)
-    bench.run(10_000 * STEP_S)
+    bench.run(examples(10_000) * STEP_S)
     assert sizes(bench) == before
     assert bench.status().status is SUSPENDED
 

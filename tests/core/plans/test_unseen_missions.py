@@ -9,6 +9,7 @@ from executive.commands import PlanDefinition
 from executive.plans import FORMAT, Level, find_faults, read_plan
 from executive.values.reasons import Refusal
 from executive.values.reports import PlanStatus
+from tests.support.examples import in_full
 from tests.support.missions import (
     DAY,
     Event,
@@ -25,6 +26,7 @@ from tests.support.missions import (
 )
 from trees.plan import prove
 
+pytestmark = pytest.mark.at_length
 FOLDER = Path(__file__).with_name("missions")
 COMPLETED, FAILED = PlanStatus.COMPLETED, PlanStatus.FAILED
 CHARGED = Event(f"{DAY}09:59:00Z", charge(0.9))
@@ -83,7 +85,8 @@ def test_a_picture_that_failed_is_not_transmitted_in_the_pass(run: Run) -> None:
 
 
 @pytest.mark.parametrize(
-    ("charged", "began"), [("06:00:00", "06:00:00"), ("10:30:00", "10:30:00"), ("", None)]
+    ("charged", "began"),
+    [("06:00:00", "06:00:00"), ("", None), in_full("10:30:00", "10:30:00")],
 )
 def test_a_start_at_dawn_or_at_ten(run: Run, charged: str, began: str | None) -> None:
     night = Event(f"{DAY}20:00:00Z", voltage(23.0))
@@ -93,7 +96,7 @@ def test_a_start_at_dawn_or_at_ten(run: Run, charged: str, began: str | None) ->
     assert done.last.status is (COMPLETED if began else FAILED)
 
 
-@pytest.mark.parametrize(("blocked", "x_m"), [(9.0, 6.0), (3.0, 0.0)])
+@pytest.mark.parametrize(("blocked", "x_m"), [(9.0, 6.0), in_full(3.0, 0.0)])
 def test_a_route_that_fails_ends_at_its_last_safe_position(
     run: Run, blocked: float, x_m: float
 ) -> None:
@@ -123,7 +126,10 @@ def test_a_patrol_changes_its_round_without_the_link_and_ends_with_the_battery(r
 
 @pytest.mark.parametrize(
     ("word", "course"),
-    [("yes", "leg EXECUTED, home EXECUTED"), ("no", "leg EXECUTED, " * 4 + "goal EXECUTED")],
+    [
+        ("yes", "leg EXECUTED, home EXECUTED"),
+        in_full("no", "leg EXECUTED, " * 4 + "goal EXECUTED"),
+    ],
 )
 def test_a_recall_ends_the_route_at_once(run: Run, word: str, course: str) -> None:
     done = run("recall", Event("recall", answer("recall", word), 64.0))
@@ -146,7 +152,7 @@ def test_two_stations_of_three_suffice(run: Run) -> None:
     assert done.ends("Window")[1] == "10:04:04 FAILURE"
 
 
-@pytest.mark.parametrize("fault", ["battery", "link"])
+@pytest.mark.parametrize("fault", ["battery", in_full("link")])
 def test_the_mast_is_stowed_while_the_rover_is_not_well(run: Run, fault: str) -> None:
     first, last = (
         (voltage(22.5), voltage(24.5)) if fault == "battery" else (contact(False), contact(True))
@@ -157,7 +163,9 @@ def test_the_mast_is_stowed_while_the_rover_is_not_well(run: Run, fault: str) ->
     assert done.ends("well again") == ["10:30:00 HALTED"]
 
 
-@pytest.mark.parametrize(("begin", "aim"), [("10:00", "east"), ("13:00", "up"), ("15:30", "west")])
+@pytest.mark.parametrize(
+    ("begin", "aim"), [("10:00", "east"), in_full("13:00", "up"), ("15:30", "west")]
+)
 def test_the_time_of_day_decides(run: Run, begin: str, aim: str) -> None:
     done = run("hours", begin=f"{DAY}{begin}:00Z")
     assert done.course == (f"spot EXECUTED, {aim} EXECUTED, takePicture EXECUTED, home EXECUTED")
