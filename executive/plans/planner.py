@@ -337,7 +337,7 @@ class Planner:
         found = continued_state(self._store, plan_id, position, self._clock.utc_s())
         root = self.root(plan_id)
         if found is None or root is None:
-            text = f"the rover is more than {MAX_RESTART_DISTANCE_M:g} m from its stored position"
+            text = f"the rover is not within {MAX_RESTART_DISTANCE_M:g} m of a stored position"
             return Refusal(Reason.POSE_UNCERTAIN, text)
         return self._surroundings.check_energy(root, found[1].ended) or found
 
@@ -464,7 +464,9 @@ class Planner:
         root, node, state = found
         state, text = steered(request, node, state)
         text = f"{node.location.path}: {text}, by {by}"
+        progress = plan.last.text  # of a suspended plan: the reason of the suspension
         if self._run is not None and self._run.execution.plan is plan:
+            progress = text
             self._run.execution.steer(state)
             for each in self._run.execution.forced.items():
                 self._run.tree.force(*each)
@@ -475,7 +477,7 @@ class Planner:
             known, given = self._active.questions.get(plan.plan_id, ()), dict(state.answers)
             left = (each for each in known if each.key not in given)
             self._active.questions[plan.plan_id] = tuple(left)
-        self._notify(plan, text)
+        self._notify(plan, progress)
         return text
 
     def _abort(self, plan: RunningPlan, text: str) -> str:

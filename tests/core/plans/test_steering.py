@@ -157,6 +157,15 @@ def test_an_answer_counts_once(bench: PlanBench) -> None:
     assert len(bench.commanded()) == 1
 
 
+def test_a_suspended_plan_keeps_its_reason_when_it_is_steered(bench: PlanBench) -> None:
+    bench.begin(DITCH, 2.0)
+    bench.request(SuspendPlan("survey"))
+    bench.step()
+    reason = bench.status().text
+    steer(bench, AnswerQuestion("survey", "ditch", "stay"))
+    assert bench.status().text == reason
+
+
 def test_a_repeated_answer_does_not_answer_the_next_question(bench: PlanBench) -> None:
     rest = f"<Sleep msec='2000'/>{CAMERA}"
     body = f"<Repeat num_cycles='2'><Sequence>{QUESTION}{rest}</Sequence></Repeat>"
