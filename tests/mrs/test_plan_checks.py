@@ -183,9 +183,10 @@ async def test_a_killed_trial_leaves_no_files(
     monkeypatch.setattr(
         plan_check_service, "START", f"import tempfile; tempfile.mkdtemp(); {SLEEPS}"
     )
+    before = children()
     running = asyncio.create_task(client.check_plan(GOOD, TRY))
     await until(lambda: any(tmp_path.glob("rover-check-*/tmp*")))
-    (child,) = children()
+    (child,) = children() - before
     os.killpg(child, signal.SIGKILL)
     with pytest.raises(MalError, match="ended with status -9"):
         await running

@@ -263,7 +263,7 @@ async def status(client: MrsClient, plan_ids: tuple[str, ...], as_json: bool) ->
     except MalError as error:
         if error.number != _NOT_SERVED:
             raise
-        await _print_questions(client, plan_ids, as_json)
+        await _print_questions(client, error, plan_ids, as_json)
         return
     if not plans:
         click.echo("" if as_json else "no plans: submit one with `rover plan submit`\n", nl=False)
@@ -278,14 +278,23 @@ async def status(client: MrsClient, plan_ids: tuple[str, ...], as_json: bool) ->
             print_nodes(nodes)
 
 
-async def _questioned_plan(client: MrsClient) -> str | None:
-    """Return the plan with an open question, if any; an orbiter reports no others."""
-    return (await client.get_status()).activePlan
+async def _questioned_plan(client: MrsClient, refused: MalError) -> str | None:
+    """Return the plan with an open question, if any; an orbiter reports no others.
+
+    Raises:
+        MalError: `refused`, the error of the service of plans, if there is no status either.
+    """
+    try:
+        return (await client.get_status()).activePlan
+    except MalError as error:
+        raise (refused if error.number == _NOT_SERVED else error) from None
 
 
-async def _print_questions(client: MrsClient, plan_ids: tuple[str, ...], as_json: bool) -> None:
+async def _print_questions(
+    client: MrsClient, refused: MalError, plan_ids: tuple[str, ...], as_json: bool
+) -> None:
     """Print the open questions of plans, all that an orbiter knows of them."""
-    for plan_id in plan_ids or filter(None, (await _questioned_plan(client),)):
+    for plan_id in plan_ids or filter(None, (await _questioned_plan(client, refused),)):
         nodes = await _nodes(client, plan_id)
         if as_json:
             echo_json({"planId": plan_id, "nodes": tuple(map(wire_node, nodes))})
@@ -354,7 +363,7 @@ async def _one_plan(client: MrsClient, *statuses: PlanStatus) -> str:
     except MalError as error:
         if error.number != _NOT_SERVED:
             raise
-        plan_id = await _questioned_plan(client)
+        plan_id = await _questioned_plan(client, error)
         if plan_id is None:
             raise click.ClickException(f"name a plan; {_NO_QUESTION}") from None
         return plan_id
