@@ -46,8 +46,6 @@ TOPICS: Final = """
 FAST: Final = {
     "travel_speed_mps: 0.3": "travel_speed_mps: 1.0",
     "travel_acceleration_mps2: 0.5": "travel_acceleration_mps2: 2.0",
-    "rotate_speed_radps: 1.2": "rotate_speed_radps: 2.5",
-    "rotate_acceleration_radps2: 2.0": "rotate_acceleration_radps2: 6.0",
     "turtlebot4": NAME,
     "[JPG]": "[]",
 }
