@@ -157,7 +157,7 @@ def test_an_answer_counts_once(bench: PlanBench) -> None:
     assert len(bench.commanded()) == 1
 
 
-def test_a_suspended_plan_keeps_its_reason_when_it_is_steered(bench: PlanBench) -> None:
+def test_steering_a_suspended_plan_does_not_change_its_reason(bench: PlanBench) -> None:
     bench.begin(DITCH, 2.0)
     bench.request(SuspendPlan("survey"))
     bench.step()
