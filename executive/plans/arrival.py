@@ -170,7 +170,7 @@ class _Walk:
             self._fault(node, True, f"a time limit ends it {utc_s - limit:.0f} s before")
         allowed = utc_s + node.number("late_s") if "late_s" in node.ports else inf
         if at.early > allowed:
-            self._fault(node, True, f"it is always {at.early - allowed:.0f} s too late")
+            self._fault(node, True, f"it is always {at.early - allowed:.0f} s after its time")
             return _Ends(None, at)
         if at.late > allowed:
             self._fault(node, False, f"in the worst case it is {_text(at.late - allowed)} too late")

@@ -17,7 +17,7 @@ class WaitUntil(TimedLeaf):
         """Fail if the time has passed by more than is allowed."""
         utc_s, ports = self.plan.number("utc"), self.plan.ports
         if "late_s" in ports and self.past_s(utc_s + self.plan.number("late_s")) > 0.0:
-            text = f"{self.context.port.clock.utc_s() - utc_s:.0f} s too late"
+            text = f"{self.context.port.clock.utc_s() - utc_s:.0f} s after its time"
             self.context.port.note_failure(self.plan, text)
             return FAILURE
         return self.proceed()
