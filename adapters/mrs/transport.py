@@ -1,4 +1,4 @@
-"""`TransportSettings` of a link: encoding and certificates, agreed since messages lack them."""
+"""`TransportSettings` of a link: encoding, certificates, and its declared round-trip time."""
 
 import os
 from dataclasses import dataclass
@@ -20,15 +20,17 @@ class TransportMismatchError(ConnectionError):
 
 @dataclass(frozen=True, slots=True)
 class TransportSettings:
-    """Encoding and certificates of one end of the direct link.
+    """Encoding and certificates of one end of the direct link, agreed since messages lack them.
 
     Attributes:
         encoding: encoding of message bodies.
         certificates: for TLS, mutual; None for clear text.
+        round_trip_s: declared round-trip time of the link, s; a client adds it to its timeouts.
     """
 
     encoding: Encoding = Encoding.FIXED
     certificates: Certificates | None = None
+    round_trip_s: float = 0.0
 
     def for_provider(self) -> "ssl.SSLContext | None":
         """Return the TLS context of a server; None for clear text.

@@ -143,6 +143,7 @@ class LinkStatus:
         since: start time of the state.
         last_received: last reception time; None for never.
         detail: human-readable reason.
+        round_trip: declared round-trip time, s; 0 without a declaration.
     """
 
     ty: ClassVar[str] = "link"
@@ -154,6 +155,7 @@ class LinkStatus:
     since: float
     last_received: float | None
     detail: str
+    round_trip: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

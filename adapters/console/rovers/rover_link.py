@@ -10,7 +10,7 @@ from typing import Any, Final, Protocol, TypeVar
 from adapters.console.archive import to_us
 from adapters.console.messages import LinkKind, LinkState
 from adapters.mal import CertificateError, MalError, StandardError
-from adapters.mrs.ground import NEXT_CONTACT, FileNotification, MrsClient, Stream
+from adapters.mrs.ground import NEXT_CONTACT, FileNotification, LinkDelay, MrsClient, Stream
 from adapters.mrs.spec import (
     AreaError,
     AssetInfo,
@@ -33,7 +33,7 @@ _LOG: Final = logging.getLogger(__name__)
 T = TypeVar("T")
 
 ANSWER_S: Final = 5.0
-"""Timeout of each request, s; after it the link is SILENT."""
+"""Timeout of each request beyond the declared delay, s; after it the link is SILENT."""
 STATUS_S: Final = 1.0
 """Poll interval for mode and authority, s; the answers prove that the link is up."""
 MEASURED_S: Final = 5.0
@@ -52,10 +52,9 @@ CATCH_UP: Final = 1000
 """Number of earlier notifications to request if none is known."""
 
 
+ROUND_TRIP: Final = "LINK_ROUND_TRIP"
 LINK_HOUSEKEEPING: Final = (
-    HousekeepingParameter(
-        "LINK_ROUND_TRIP", "Round-trip time of the console's last status request", "s"
-    ),
+    HousekeepingParameter(ROUND_TRIP, "Round-trip time of the console's last status request", "s"),
     HousekeepingParameter(
         "LINK_CLOCK_OFFSET", "Lead of the onboard clock over the console's clock", "s"
     ),
@@ -169,6 +168,11 @@ class RoverLink:
     def asset(self) -> str:
         """Name of the asset; empty until it was reached."""
         return "" if self.info is None else self.info.asset
+
+    @property
+    def delay(self) -> LinkDelay:
+        """Declared and last measured round-trip time."""
+        return LinkDelay(self._terms.round_trip_s, self.figures.get(ROUND_TRIP))
 
     def request_arguments(self, identity: Identity) -> None:
         """Request the arguments of a command, the newest command first."""
@@ -306,7 +310,7 @@ class RoverLink:
     def _report_link_figures(
         self, status: AssetStatus, requested_s: float, round_trip_s: float
     ) -> None:
-        figures = {"LINK_ROUND_TRIP": round_trip_s}
+        figures = {ROUND_TRIP: round_trip_s}
         if self.kind is LinkKind.DIRECT:  # an orbiter stamps its last contact with the rover
             offset_s = status.timestamp / 1e9 - (requested_s + round_trip_s / 2)
             figures["LINK_CLOCK_OFFSET"] = offset_s

@@ -1,7 +1,7 @@
 """Command-line options of all MRS clients and servers: address, encoding and certificates."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import wraps
 from pathlib import Path
 from typing import Any, Final
@@ -88,7 +88,12 @@ def to_options(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def _add_address(function: Callable[..., Any], *, multiple: bool) -> Callable[..., Any]:
     @wraps(function)
-    def with_target(*arguments: Any, to: Any, terms: TransportSettings, **others: Any) -> Any:
+    def with_target(
+        *arguments: Any, to: Any, delay: float, terms: TransportSettings, **others: Any
+    ) -> Any:
+        if delay < 0.0:
+            raise click.BadParameter(f"{delay:g} s is negative", param_hint="--delay")
+        terms = replace(terms, round_trip_s=delay)
         found = tuple(RoverTarget(uri, terms) for uri in to) if multiple else RoverTarget(to, terms)
         return function(*arguments, to=found, **others)
 
@@ -113,7 +118,16 @@ def _add_address(function: Callable[..., Any], *, multiple: bool) -> Callable[..
         metavar="URI",
         help=f"{where} Repeat it for each rover." if multiple else where,
     )
-    return add_address(add_terms(with_target))
+    add_delay = click.option(
+        "--delay",
+        type=QuantityType("s"),
+        envvar="ROVER_DELAY",
+        default=0.0,
+        show_envvar=True,
+        metavar="TIME",
+        help="Round-trip time of the link, such as 10s: all timeouts are longer by it.",
+    )
+    return add_address(add_delay(add_terms(with_target)))
 
 
 def add_terms_options(peer: str) -> Decorator:

@@ -22,6 +22,7 @@ from adapters.mrs.ground.outcome import CommandOutcome as CommandOutcome
 from adapters.mrs.ground.outcome import describe_next_contact as describe_next_contact
 from adapters.mrs.ground.outcome import describe_storage as describe_storage
 from adapters.mrs.ground.rover_consumer import Dialer as Dialer
+from adapters.mrs.ground.session import LinkDelay as LinkDelay
 from adapters.mrs.ground.session import UnknownHostError as UnknownHostError
 from adapters.mrs.ground.session import parse_address as parse_address
 from adapters.mrs.ground.streams import Stream as Stream

@@ -13,7 +13,12 @@ from adapters.mrs.ground.file_retrieval import FileNotification, FileRetrieval
 from adapters.mrs.ground.outcome import CommandOutcome, CommandWatch, OnReport, describe_storage
 from adapters.mrs.ground.queries import LINK_LOST_ERRORS, Queries
 from adapters.mrs.ground.rover_consumer import NotServedError, RoverConsumer
-from adapters.mrs.ground.session import RoverSession, SessionAuthority, parse_address
+from adapters.mrs.ground.session import (
+    LinkDelay,
+    RoverSession,
+    SessionAuthority,
+    parse_address,
+)
 from adapters.mrs.ground.streams import NotificationStream, Stream, Streams, TreeUpdates, Updates
 from adapters.mrs.spec import (
     LINK,
@@ -77,11 +82,13 @@ class MrsClient(Queries):
 
     After a loss it reconnects, subscribes again, and catches up with missed notifications. While
     connected it sends a heartbeat request once a second, so that the rover detects the contact
-    even without commands. All methods raise ConnectionError if the link does not recover in time,
-    and MalError if the rover answers with an error.
+    even without commands; on a link with a delay also while answers are under way. All methods
+    raise ConnectionError if the link does not recover in time, and MalError if the rover answers
+    with an error.
 
     Attributes:
         authority: the authority that its commands claim, once requested.
+        delay: declared and measured round-trip time of its link.
     """
 
     def __init__(
@@ -97,7 +104,10 @@ class MrsClient(Queries):
         self.source = source
         self.authority = SessionAuthority(self._send_authority_request, source)
         address, ends = parse_address(uri), (self._restore, self._on_reconnect_failed)
-        super().__init__(RoverSession(address, source, terms, *ends, timeout_s, patience_s, system))
+        timeout_s += terms.round_trip_s
+        session = RoverSession(address, source, terms, *ends, timeout_s, patience_s, system)
+        super().__init__(session, terms.round_trip_s)
+        self.delay = LinkDelay(terms.round_trip_s)
         self._system, self._numbers = system, CommandIdGenerator(system)
         self._watches: list[CommandWatch] = []
         self._notifications: Streams[ReceivedReport] = Streams()
@@ -129,9 +139,9 @@ class MrsClient(Queries):
             to: `maltcp://host:port/MRS`, `host:port` or `host`.
             source: source of its commands; None for the name of the certificate, MOE in clear
                 text.
-            timeout_s: timeout of each answer.
+            timeout_s: timeout of each answer, beyond the declared round-trip time of the link.
             patience_s: maximum time of reconnection attempts after a loss; 0 for none.
-            terms: encoding and certificates, the same as the rover's.
+            terms: encoding and certificates, the same as the rover's, and the link's delay.
             system: clock of messages.
 
         Raises:
@@ -339,12 +349,25 @@ class MrsClient(Queries):
         await self._submit_operation("Monitoring", "publishParameters", values)
 
     async def _send_heartbeats(self) -> None:
-        with suppress(ConnectionError):
+        """Send heartbeats; further ones while those under way cannot have been answered yet."""
+        max_count = 1 + int(self.delay.declared_s / HEARTBEAT_S)
+        async with asyncio.TaskGroup() as tasks:
+            waiting: set[asyncio.Task[None]] = set()
             while True:
                 await asyncio.sleep(HEARTBEAT_S)
-                with suppress(MalError):  # an error answer proves the contact, too
-                    await self._give_sign()
-                    await self._feed.catch_up(await self._session.consumer())
+                if len(waiting) < max_count:
+                    task = tasks.create_task(self._send_heartbeat())
+                    waiting.add(task)
+                    task.add_done_callback(waiting.discard)
+
+    async def _send_heartbeat(self) -> None:
+        # An error answer proves the contact, too; without a session nothing is sent.
+        with suppress(MalError, ConnectionError):
+            now_s = asyncio.get_running_loop().time
+            sent_s = now_s()
+            await self._give_sign()
+            self.delay = replace(self.delay, measured_s=now_s() - sent_s)
+            await self._feed.catch_up(await self._session.consumer())
 
     async def _give_sign(self) -> None:
         """Send a query that the peer supports, so that TCP detects a lost peer."""

@@ -70,8 +70,8 @@ class Queries:
     rover answers with an error.
     """
 
-    def __init__(self, session: RoverSession) -> None:
-        self._session = session
+    def __init__(self, session: RoverSession, round_trip_s: float) -> None:
+        self._session, self._round_trip_s = session, round_trip_s
 
     async def get_notifications(
         self, since: int | None = None, command_id: int | None = None, max_count: int = 0
@@ -277,6 +277,8 @@ class Queries:
         return answer
 
     async def _query(self, service: str, operation: str, *arguments: Any, **options: Any) -> Any:
+        if "timeout_s" in options:
+            options["timeout_s"] += self._round_trip_s
         while True:
             consumer = await self._session.consumer()
             try:

@@ -3,6 +3,7 @@
 import asyncio
 import logging
 from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
 from socket import gaierror
 from typing import Any, Final
 from urllib.parse import urlsplit
@@ -17,6 +18,38 @@ _LOG: Final = logging.getLogger(__name__)
 
 RECONNECT_S: Final = 0.2
 """Period of reconnection attempts; chosen, not measured."""
+
+
+NOTICEABLE_S: Final = 1.0
+"""Round-trip time above which an operator acts on an old picture of the rover; chosen."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkDelay:
+    """Round-trip time of a link between ground and rover.
+
+    Attributes:
+        declared_s: as declared to the client, s; 0 without a declaration.
+        measured_s: of the last answered heartbeat, s; None before the first.
+    """
+
+    declared_s: float = 0.0
+    measured_s: float | None = None
+
+    @property
+    def round_trip_s(self) -> float:
+        """The measured round-trip time, s; the declared one until it is measured."""
+        return self.declared_s if self.measured_s is None else self.measured_s
+
+    @property
+    def one_way_s(self) -> float:
+        """Time from one end to the other, s: half of the round trip."""
+        return self.round_trip_s / 2
+
+    @property
+    def is_noticeable(self) -> bool:
+        """Whether the declared one is noticeable; a slow answer does not change this."""
+        return self.declared_s >= NOTICEABLE_S
 
 
 class UnknownHostError(ConnectionError):

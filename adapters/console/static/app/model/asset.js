@@ -18,6 +18,8 @@ const MAP_ORIGIN = ["EXEC_MAP_X", "EXEC_MAP_Y", "EXEC_MAP_HEADING"];
 export const STORED = [...UNCERTAINTY, ...MAP_ORIGIN];
 /** Smaller uncertainties are not shown: m, rad; chosen, not measured. */
 const MIN_UNCERTAINTY = [0.01, 0.005];
+/** Round-trip time from which a link counts as delayed, s, as in adapters/mrs/ground/session.py. */
+export const NOTICEABLE_S = 1;
 const MAX_FIXES = 20000;
 const MAX_NOTICES = 2000;
 /** Limit of the commands; beyond it the earliest received one that has ended is discarded. */
@@ -332,6 +334,28 @@ export class Asset extends Topics {
     };
     update();
     return this.on("links", update);
+  }
+
+  /** The link by which commands are sent by default: the direct one if it is up, else the relay. @returns {LinkStatus | null} */
+  get commandLink() {
+    const all = ["direct", "relay"].flatMap((kind) => this.links.get(kind) ?? []);
+    return all.find((each) => each.state === "up") ?? all[0] ?? null;
+  }
+
+  /** The round-trip time of a link, s: the measured one, before that the declared one. @param {LinkStatus | null} [link] */
+  roundTripOf(link = this.commandLink) {
+    const measured = this.values.get("LINK_ROUND_TRIP")?.get(link?.link ?? "")?.value;
+    return typeof measured === "number" ? measured : (link?.round_trip ?? 0);
+  }
+
+  get roundTrip_s() {
+    return this.roundTripOf();
+  }
+
+  /** Whether commands arrive noticeably later than they are sent. */
+  get isDelayed() {
+    const link = this.commandLink;
+    return link?.link === "relay" || (link?.round_trip ?? 0) >= NOTICEABLE_S;
   }
 
   /** Whether at least one of its links is up. */

@@ -13,7 +13,8 @@ import { Questions } from "./questions.js";
 import { Shortcuts, isStopKey } from "./shortcuts.js";
 import { Stops } from "./stops.js";
 import { View } from "./view.js";
-import { age, clock } from "../format.js";
+import { age, clock, number } from "../format.js";
+import { NOTICEABLE_S } from "../model/asset.js";
 
 /** @import { Asset } from "../model/asset.js" */
 /** @import { AuthorityMessage, CommandStatus, LinkStatus } from "../model/messages.js" */
@@ -251,10 +252,13 @@ export class StatusBar extends View {
   }
 
   /** @param {HTMLElement} element @param {LinkStatus} link */
-  #drawLink(element, { link, state, uri, since, detail, last_received: lastReceived }) {
+  #drawLink(element, status) {
+    const { link, state, uri, since, detail, last_received: lastReceived } = status;
+    const roundTrip_s = this.#rover.roundTripOf(status);
     const last = Math.max(lastReceived, ...[...this.#rover.values.values()].map((samples) => samples.get(link)?.rx ?? 0));
     element.dataset.state = state;
-    setText(element, `${link} ${state === "up" ? "" : state}`.trim());
+    const delay = roundTrip_s >= NOTICEABLE_S ? `${number(Math.round(10 * roundTrip_s) / 10)} s round trip` : "";
+    setText(element, [link, state === "up" ? "" : state, delay].filter(Boolean).join(" "));
     const received = lastReceived === null ? "never" : age(this.session.now - last);
     set(element, { title: `${uri}\n${state} since ${clock(since)}${detail ? `: ${detail}` : ""}\nlast received: ${received}` });
   }
