@@ -2,18 +2,22 @@
 
 from typing import Final
 
+from sim.checkpoint import Checkpointed, changing
+
 MAX_PAN_RAD: Final = 2.9
 MIN_TILT_RAD: Final = -1.2
 MAX_TILT_RAD: Final = 1.2
 MAX_SPEED_RADPS: Final = 2.0
 
 
-class HeadController:
+class HeadController(Checkpointed):
     """Set points of the two servos.
 
     Attributes:
         target_rad: target pan and tilt.
     """
+
+    CHANGES = changing(_speed_radps=float, target_rad=tuple[float, float], _now=tuple[float, float])
 
     def __init__(self) -> None:
         self._speed_radps = 0.5

@@ -11,9 +11,11 @@ from math import asin, atan2, cos, isfinite, nan, sin
 from typing import Final, TypeVar
 
 import mujoco
+import numpy as np
 
 from executive.values.facts import CameraAngles, Fact, Frame
 from executive.values.geometry import Pose, Velocity
+from sim.checkpoint import Checkpointed, changing
 from sim.rover import faults
 from sim.rover.camera import Camera, PictureSettings
 from sim.rover.disturbance import Disturbance
@@ -51,8 +53,10 @@ class BatteryPack:
     fault_v: float = 21.5
 
 
-class BatteryModel:
+class BatteryModel(Checkpointed):
     """Charge that decreases with the load, and the resulting voltage."""
+
+    CHANGES = changing(_left_j=float, _load_j=float, _load_s=float, used_j=float)
 
     def __init__(self, pack: BatteryPack, charge_ratio: float, sun_w: float = 0.0) -> None:
         self._pack, self._sun_w = pack, sun_w
@@ -163,7 +167,10 @@ def _obstacles(model: mujoco.MjModel) -> frozenset[int]:
     )
 
 
-class SimulatedBody(ABC):
+_STATE: Final = mujoco.mjtState.mjSTATE_INTEGRATION
+
+
+class SimulatedBody(Checkpointed, ABC):
     """A rover in a world. Subclasses define sensors and actuators.
 
     Attributes:
@@ -172,6 +179,23 @@ class SimulatedBody(ABC):
         model, data: of MuJoCo.
         contacts: number of contacts with a rock, a wall or a step that have begun.
     """
+
+    CHANGES = changing(
+        cargo_kg=float,
+        _physics=list[float],
+        _steps=int,
+        _pose=Pose,
+        _wheels_rad=list[float],
+        _battery=Checkpointed,
+        _frame_wanted=bool,
+        _active=tuple[faults.AnyFault, ...],
+        _disturbance=Checkpointed,
+        _stale_view=tuple[float, list[float]] | None,
+        _stuck_head=CameraAngles | None,
+        _touching=bool,
+        contacts=int,
+        _due=list[Fact],
+    )
 
     def __init__(
         self,
@@ -291,9 +315,7 @@ class SimulatedBody(ABC):
         self._faults[type(fault)] = fault
         match fault:
             case faults.CameraStale():
-                seen = mujoco.MjData(self.model)
-                mujoco.mj_copyData(seen, self.model, self.data)
-                self._stale = CameraView(seen, self.time_s)
+                self._stale_view = self.time_s, self._qpos.tolist()
             case faults.BatteryDrained(charge):
                 self._battery.drain(charge)
             case faults.HeadStuck():
@@ -317,6 +339,53 @@ class SimulatedBody(ABC):
             self._disturbance.set_upright(self.true_pose)
         else:
             self._disturb()
+
+    @property
+    def cargo_kg(self) -> float:
+        """Mass of the cargo."""
+        return float(self.model.body(_BLOCK).mass[0])
+
+    @cargo_kg.setter
+    def cargo_kg(self, mass_kg: float) -> None:
+        if mass_kg != self.cargo_kg:
+            self.set_cargo_mass(mass_kg)
+
+    @property
+    def _physics(self) -> list[float]:
+        """State of MuJoCo between two steps, and the forces of the motors in the last one."""
+        state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
+        mujoco.mj_getState(self.model, self.data, state, _STATE)
+        return [*state.tolist(), *self._force.tolist()]
+
+    @_physics.setter
+    def _physics(self, values: list[float]) -> None:
+        state = np.array(values[: -len(self._force)])
+        mujoco.mj_setState(self.model, self.data, state, _STATE)
+        mujoco.mj_forward(self.model, self.data)
+        mujoco.mj_setState(self.model, self.data, state, _STATE)
+        self._force[:] = values[-len(self._force) :]
+
+    @property
+    def _active(self) -> tuple[SimulatedFault, ...]:
+        return tuple(self._faults.values())
+
+    @_active.setter
+    def _active(self, active: tuple[SimulatedFault, ...]) -> None:
+        self._faults = {type(each): each for each in active}
+        self._disturb()
+
+    @property
+    def _stale_view(self) -> tuple[float, list[float]] | None:
+        """Time and joint positions of the stale view."""
+        return None if self._stale is None else (self._stale.time_s, self._stale.data.qpos.tolist())
+
+    @_stale_view.setter
+    def _stale_view(self, seen: tuple[float, list[float]] | None) -> None:
+        if seen is not None:
+            data = mujoco.MjData(self.model)
+            data.qpos[:] = seen[1]
+            mujoco.mj_forward(self.model, data)
+            self._stale = CameraView(data, seen[0])
 
     @property
     def time_s(self) -> float:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.values.geometry import Pose
+from sim.checkpoint import Checkpointed, changing
 from sim.rover.model import Chassis
 from sim.rover.world import World
 
@@ -22,8 +23,10 @@ _SKY_M: Final = 100.0
 _DROP_M: Final = 0.02
 
 
-class Disturbance:
+class Disturbance(Checkpointed):
     """Acts on one rover in one world, between two steps."""
+
+    CHANGES = changing(wheel_frictions=list[float])
 
     def __init__(
         self, model: mujoco.MjModel, data: mujoco.MjData, chassis: Chassis, world: World
@@ -63,6 +66,17 @@ class Disturbance:
         for patch in self._world.patches:
             frictions[patch.within_m(positions_m[:, 0], positions_m[:, 1]) >= 0] = patch.friction
         self._model.geom_friction[self._wheels, 0] = self._grip_ratio * frictions
+
+    @property
+    def wheel_frictions(self) -> list[float]:
+        """Friction of the ground below each wheel, if there are patches."""
+        frictions: list[float] = self._model.geom_friction[self._wheels, 0].tolist()
+        return frictions if self._world.patches else []
+
+    @wheel_frictions.setter
+    def wheel_frictions(self, frictions: list[float]) -> None:
+        if self._world.patches:
+            self._model.geom_friction[self._wheels, 0] = frictions
 
     def _give_wheels_their_own_friction(self) -> None:
         """Give contacts of wheels the parameters of the ground, except the friction."""

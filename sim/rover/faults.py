@@ -9,7 +9,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, fields
 from enum import Enum, unique
 from math import pi, radians
-from typing import Final, NewType, TypeVar, assert_never, dataclass_transform
+from typing import Any, Final, NewType, TypeVar, Union, assert_never, dataclass_transform
+
+from cattrs.strategies import configure_tagged_union
 
 from executive.commands import Argument, ValueRange, argument, arguments_of, bounded, record
 from executive.settings import (
@@ -22,6 +24,7 @@ from executive.settings import (
     angle_of,
     suggestion,
 )
+from sim.checkpoint import CONVERTER
 
 F = TypeVar("F", bound="SimulatedFault")
 
@@ -404,6 +407,10 @@ class Pushed(SimulatedFault):
 class LinkLost(SimulatedFault):
     """No message passes between ground and rover."""
 
+
+AnyFault: Final[Any] = Union[tuple(each.kind for each in _DECLARED.values())]  # noqa: UP007
+"""Any declared fault, as a type of a checkpoint."""
+configure_tagged_union(AnyFault, CONVERTER, tag_name="kind")
 
 JACKAL_PARTS: Final = frozenset(
     {

@@ -6,15 +6,19 @@ that no instrument changes another's measurements.
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
+from copy import deepcopy
 from math import asin, atan2
-from typing import Final
+from operator import length_hint
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from executive.values.facts import Fact, Imu, Joints
+from sim.checkpoint import Checkpointed, changing
 from sim.rover import faults
 from sim.rover.body import STEP_S, SimulatedBody
+from sim.rover.faults import SimulatedFault
 
 Vector = tuple[float, float, float]
 
@@ -29,13 +33,17 @@ _SHAKEN_M: Final = 0.098 / 4
 """Mean speed of the ground below the wheels, per sum of their rates."""
 
 
-class Instrument(ABC):
+class Instrument(Checkpointed, ABC):
     """A sensor that measures at a rate, limited to that of the steps of physics.
 
     Attributes:
         every: number of steps of physics per measurement.
         latency_s: time from the last measurement to its publication.
+        MOMENTARY: the fault that acts at its begin only.
     """
+
+    CHANGES = changing(latency_s=float, begun=bool)
+    MOMENTARY: ClassVar[type[SimulatedFault]] = SimulatedFault
 
     def __init__(self, rover: SimulatedBody, rate_hz: float, random: np.random.Generator) -> None:
         self.every = max(1, round(1 / (rate_hz * STEP_S)))
@@ -43,21 +51,68 @@ class Instrument(ABC):
         self._since_s = self.every * STEP_S
         self._rover, self._random = rover, random
         self._fault = rover.fault
+        self._known: SimulatedFault | None = None
 
     @abstractmethod
     def measure(self, stamp_s: float) -> Fact | None:
         """Return the present measurement; None if there is none."""
 
+    def begins(self) -> SimulatedFault | None:
+        """Return the momentary fault if it began since the last call."""
+        before, self._known = self._known, self._fault(self.MOMENTARY)
+        return None if self._known is before else self._known
 
-def draws(
-    random: np.random.Generator,
-    width: int,
-    mean: NDArray[np.float64] | float = 0.0,
-    deviation: NDArray[np.float64] | float = 1.0,
-) -> Iterator[list[float]]:
-    """Yield rows of normal numbers, drawn in blocks for speed."""
-    while True:
-        yield from (mean + deviation * random.standard_normal((512, width))).tolist()
+    @property
+    def begun(self) -> bool:
+        """Whether the momentary fault that is active began before the last measurement."""
+        return self._known is not None and self._known is self._fault(self.MOMENTARY)
+
+    @begun.setter
+    def begun(self, begun: bool) -> None:
+        self._known = self._fault(self.MOMENTARY) if begun else None
+
+
+_BLOCK: Final = 512
+
+
+class NormalRows(Checkpointed, Iterator[list[float]]):
+    """Rows of normal numbers, drawn in blocks for speed."""
+
+    CHANGES = changing(position=tuple[np.random.Generator, int])
+
+    def __init__(
+        self,
+        random: np.random.Generator,
+        width: int,
+        mean: NDArray[np.float64] | float = 0.0,
+        deviation: NDArray[np.float64] | float = 1.0,
+    ) -> None:
+        self._random, self._width = random, width
+        self._mean, self._deviation = mean, deviation
+        self._draw()
+
+    def __next__(self) -> list[float]:
+        for row in self._rows:
+            return row
+        self._draw()
+        return next(self._rows)
+
+    def _draw(self) -> None:
+        self._before = deepcopy(self._random)
+        block = self._random.standard_normal((_BLOCK, self._width))
+        self._rows: Iterator[list[float]] = iter((self._mean + self._deviation * block).tolist())
+
+    @property
+    def position(self) -> tuple[np.random.Generator, int]:
+        """The generator before the present block, and the number of rows taken of that."""
+        return self._before, _BLOCK - length_hint(self._rows)
+
+    @position.setter
+    def position(self, position: tuple[np.random.Generator, int]) -> None:
+        self._random, taken = position
+        self._draw()
+        for _ in range(taken):
+            next(self._rows)
 
 
 _ACCELERATION_BIAS_MPS2: Final = 0.05
@@ -78,6 +133,15 @@ class InertialUnit(Instrument):
     It is read more often than all others, and therefore written without vectors.
     """
 
+    CHANGES = changing(
+        Instrument,
+        _before=list[float],
+        _before_mps=list[float],
+        _shoves_mps2=list[float],
+        _draws=Checkpointed,
+    )
+    MOMENTARY = faults.Pushed
+
     def __init__(self, rover: SimulatedBody, rate_hz: float, random: np.random.Generator) -> None:
         super().__init__(rover, rate_hz, random)
         data = rover.data
@@ -87,11 +151,10 @@ class InertialUnit(Instrument):
             (_GYRO_BIAS_RADPS * bias[3:6], np.zeros(3), _LEAN_BIAS_RAD * bias[6:])
         )
         deviation = [_GYRO_NOISE_RADPS] * 3 + [1.0] * 3 + [_LEAN_NOISE_RAD] * 2
-        self._draws = draws(random, 8, constant, np.array(deviation))
+        self._draws = NormalRows(random, 8, constant, np.array(deviation))
         self._attitude, self._linear = data.qpos[3:7], data.qvel[:3]
         self._wheels = data.qvel[_WHEEL_RATES]
         self._before, self._before_mps = self._attitude.tolist(), self._linear.tolist()
-        self._push: faults.Pushed | None = None
         self._shoves_mps2: list[float] = []
 
     def measure(self, stamp_s: float) -> Imu | None:
@@ -127,9 +190,8 @@ class InertialUnit(Instrument):
 
         Physics moves the rover at once, without a change of its velocity.
         """
-        before, self._push = self._push, self._fault(faults.Pushed)
-        if self._push is not None and self._push is not before:
-            shove_mps2 = self._push.by_m / self._since_s**2
+        if isinstance(push := self.begins(), faults.Pushed):
+            shove_mps2 = push.by_m / self._since_s**2
             self._shoves_mps2 = [-shove_mps2, shove_mps2]
         return self._shoves_mps2.pop() if self._shoves_mps2 else 0.0
 
@@ -195,10 +257,12 @@ _EFFORT_NOISE_NM: Final = 0.05
 class WheelSensors(Instrument):
     """Mean speeds of the four wheels since the last measurement, and the present torques."""
 
+    CHANGES = changing(Instrument, _before=list[float], _draws=Checkpointed)
+
     def __init__(self, rover: SimulatedBody, rate_hz: float, random: np.random.Generator) -> None:
         super().__init__(rover, rate_hz, random)
         deviation = [_SPEED_NOISE_RADPS] * 4 + [_EFFORT_NOISE_NM] * 4
-        self._draws = draws(random, 8, deviation=np.array(deviation))
+        self._draws = NormalRows(random, 8, deviation=np.array(deviation))
         self._angles, self._efforts = rover.data.qpos[_WHEELS], rover.data.actuator_force[:4]
         self._before = self._angles.tolist()
 

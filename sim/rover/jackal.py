@@ -25,6 +25,7 @@ from executive.values.facts import (
 )
 from executive.values.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.values.ports import CameraIntent, NavigationGoal, PathRequest
+from sim.checkpoint import Checkpointed, changing
 from sim.pan_tilt import HeadController
 from sim.rover import faults
 from sim.rover.body import (
@@ -37,7 +38,7 @@ from sim.rover.body import (
 )
 from sim.rover.camera import PictureSettings
 from sim.rover.faults import SimulatedFault, jackal_fault_targets
-from sim.rover.instruments import draws
+from sim.rover.instruments import NormalRows
 from sim.rover.model import JACKAL
 from sim.rover.sensors import SensorSuite
 from sim.rover.world import World
@@ -60,8 +61,12 @@ def _approach(now: float, target: float, bound: float, step: float) -> float:
     return max(now - step, min(now + step, target))
 
 
-class BaseController:
+class BaseController(Checkpointed):
     """Turns the newest velocity command into wheel speeds, at 50 Hz."""
+
+    CHANGES = changing(
+        _command=Velocity, _commanded_s=float, _travel_mps=float, _rotate_radps=float
+    )
 
     def __init__(self) -> None:
         self._command = STANDING
@@ -123,12 +128,14 @@ class SimulatedOdometry:
     tilt_noise_rad: float = 0.001
 
 
-class WheelOdometry:
+class WheelOdometry(Checkpointed):
     """Dead reckoning from a start pose, with the errors of real sensors.
 
     While wheels and gyro are at rest, the heading is held: the constant error of the gyro would
     turn it. Slower turns on standing wheels are lost.
     """
+
+    CHANGES = changing(_draws=Checkpointed, _rest_s=float, pose=Pose)
 
     def __init__(
         self, settings: SimulatedOdometry, start: Pose, random: np.random.Generator
@@ -138,7 +145,7 @@ class WheelOdometry:
         self._scale = 1 + settings.encoder_scale * scale
         self._gain = 1 + settings.gyro_scale * gain
         self._bias_radps = settings.gyro_bias_radps * bias
-        self._draws = draws(random, 4)
+        self._draws = NormalRows(random, 4)
         self._rest_s = 0.0
         self.pose = start
 
@@ -198,6 +205,20 @@ class SimulatedJackal(SimulatedBody):
         odometry: the odometry before its latency and faults.
     """
 
+    CHANGES = changing(
+        SimulatedBody,
+        odometry=Checkpointed,
+        _base=Checkpointed,
+        _mux=Checkpointed,
+        _servos=Checkpointed,
+        _in_transit=deque[tuple[float, Odometry]],
+        _delays=np.random.Generator,
+        _published=Odometry | None,
+        _other_command_s=float,
+        _other_input=str | None,
+        _suite=Checkpointed,
+    )
+
     def __init__(
         self,
         world: World,
@@ -228,9 +249,8 @@ class SimulatedJackal(SimulatedBody):
         self._delays = np.random.default_rng([seed, crc32(b"odometry_jitter")])
         self._published: Odometry | None = None
         self._other_command_s = 0.0
-        suite = SensorSuite(sensors, seed, self)
-        self._read_every, self._read_sensors = suite.every, suite.read
-        self._skip_sensors = suite.skip
+        self._suite = SensorSuite(sensors, seed, self)
+        self._read_every, self._read_sensors = self._suite.every, self._suite.read
         self._other_input: str | None = None
         self._actuate()
 
@@ -301,7 +321,7 @@ class SimulatedJackal(SimulatedBody):
     def skip(self, duration_s: float) -> None:
         """Let time pass; the last facts arrive at its end: of the battery, and the odometry."""
         super().skip(duration_s)
-        self._skip_sensors()
+        self._suite.skip()
         self._report_battery()
         if self._published is not None:
             stamp_s = self._published.stamp_s + duration_s
@@ -433,7 +453,7 @@ class _LastMessage:
         return 0.0 < self.entry.timeout < now_s - self.at_s
 
 
-class Mux:
+class Mux(Checkpointed):
     """Selects the input that drives the base, as twist_mux does.
 
     An input is masked while its last message is older than its timeout, or while a lock of a higher
@@ -442,6 +462,8 @@ class Mux:
     the state of its last message, and is locked if that is older than its timeout. For a masked
     message no other one is published: the base stops by its own timeout.
     """
+
+    CHANGES = changing(_inputs=dict[str, _LastMessage], _locks=dict[str, _LastMessage])
 
     def __init__(self, settings: MuxSettings) -> None:
         self.settings = settings

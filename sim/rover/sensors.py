@@ -15,6 +15,7 @@ from numpy.random import default_rng
 from executive.settings import Sensor, Sensors
 from executive.values.facts import Fact, LaserScan, SecondOdometry
 from executive.values.geometry import Pose, wrap_rad
+from sim.checkpoint import Checkpointed, changing
 from sim.rover import faults
 from sim.rover.body import SOON_S, STEP_S, STEPS_PER_PERIOD, SimulatedBody, offset_left
 from sim.rover.instruments import InertialUnit, Instrument, WheelSensors
@@ -44,6 +45,18 @@ class VisualOdometry(Instrument):
     Its uncertainty includes the errors that are not constant, and the scale error.
     """
 
+    CHANGES = changing(
+        Instrument,
+        _random=np.random.Generator,
+        _distance_m=float,
+        _true=Pose,
+        _pose=Pose,
+        _gap_from_s=float,
+        _gap_until_s=float,
+        _last=SecondOdometry | None,
+    )
+    MOMENTARY = faults.SecondOdometryJump
+
     def __init__(self, rover: SimulatedBody, rate_hz: float, random: np.random.Generator) -> None:
         super().__init__(rover, rate_hz, random)
         self._scale = 1 + copysign(random.uniform(*_SCALE), random.uniform(-1, 1))
@@ -54,7 +67,6 @@ class VisualOdometry(Instrument):
         self._gap_from_s = random.uniform(0.0, _BETWEEN_GAPS_S[1])
         self._gap_until_s = self._gap_from_s + random.uniform(*_GAP_S)
         self._last: SecondOdometry | None = None
-        self._jumped: faults.SecondOdometryJump | None = None
 
     def measure(self, stamp_s: float) -> SecondOdometry | None:
         """Return the pose of a frame taken now; None without a result."""
@@ -87,11 +99,9 @@ class VisualOdometry(Instrument):
 
     def _mislead(self) -> None:
         """Move the pose as faults do."""
-        jump = self._fault(faults.SecondOdometryJump)
         drift = self._fault(faults.SecondOdometryDrift)
-        if jump is not None and jump is not self._jumped:
+        if isinstance(jump := self.begins(), faults.SecondOdometryJump):
             self._pose = offset_left(self._pose, jump.by_m)
-        self._jumped = jump
         if drift is not None:
             self._pose = offset_left(self._pose, drift.rate_mps * self._since_s)
 
@@ -139,6 +149,8 @@ _SEEN: Final = np.array([1, 0, 0, 0, 1, 0], np.uint8)
 
 class Laser(Instrument):
     """One ray per degree all around, in a plane that tilts with the rover."""
+
+    CHANGES = changing(Instrument, _random=np.random.Generator)
 
     def __init__(self, rover: SimulatedBody, rate_hz: float, random: np.random.Generator) -> None:
         super().__init__(rover, rate_hz, random)
@@ -192,7 +204,7 @@ _KINDS: Final[Mapping[Sensor, type[Instrument]]] = {
 }
 
 
-class SensorSuite:
+class SensorSuite(Checkpointed):
     """Reads each instrument at its rate, and delays its facts by its latency.
 
     Each instrument has separate random numbers.
@@ -201,13 +213,17 @@ class SensorSuite:
         every: steps of physics between two calls of `read`, a part of a period.
     """
 
+    CHANGES = changing(
+        _instruments=Checkpointed, _due_s=list[float], _delayed=list[tuple[float, Fact]]
+    )
+
     def __init__(self, sensors: Sensors, seed: int, rover: SimulatedBody) -> None:
         self._instruments = tuple(
             _KINDS[each](rover, getattr(sensors, each.value).rate_hz, default_rng([seed, number]))
             for number, each in enumerate(Sensor, 1)
             if each in sensors.present
         )
-        self._due_s = dict.fromkeys(self._instruments, 0.0)
+        self._due_s = [0.0] * len(self._instruments)
         self._delayed: list[tuple[float, Fact]] = []
         self.every = gcd(STEPS_PER_PERIOD, *(each.every for each in self._instruments))
 
@@ -215,7 +231,7 @@ class SensorSuite:
         """Return the facts published at a step of physics."""
         time_s = steps * STEP_S
         published = self._arrived(time_s)
-        for instrument in self._instruments:
+        for number, instrument in enumerate(self._instruments):
             if steps % instrument.every:
                 continue
             fact = instrument.measure(time_s)
@@ -224,8 +240,8 @@ class SensorSuite:
             if not instrument.latency_s:
                 published.append(fact)
                 continue
-            due_s = max(time_s + instrument.latency_s, self._due_s[instrument])
-            self._due_s[instrument] = due_s
+            due_s = max(time_s + instrument.latency_s, self._due_s[number])
+            self._due_s[number] = due_s
             self._delayed.append((due_s, fact))
         return published
 
