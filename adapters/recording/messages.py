@@ -22,16 +22,25 @@ from cattrs.strategies import configure_tagged_union
 from adapters.recording.rows import text_of
 from executive.commands import Request
 from executive.core.recording import (
+    CargoChanged,
     CoreCall,
     CoreCalled,
     Decision,
     Entry,
     EventReported,
+    ExecutiveKilled,
     FactObserved,
     Input,
     Item,
+    LinkDarkChanged,
     ProcessStart,
     SafeModeEntered,
+    SimulatedFaultChanged,
+    SimulationItem,
+    SimulationStarted,
+    SimulationState,
+    TimelinePlayed,
+    TimelineStarted,
     TreeChanged,
     Truth,
 )
@@ -42,7 +51,17 @@ from trees import NodeStatus
 
 START: Final = "/start"
 DECISIONS: Final = "/out/"
-TRUTH: Final = "/truth/pose"
+_SIMULATION: Final = {
+    Truth: "/truth/pose",
+    SimulationStarted: "/sim/world",
+    TimelineStarted: "/sim/timeline",
+    TimelinePlayed: "/sim/played",
+    SimulatedFaultChanged: "/sim/fault",
+    CargoChanged: "/sim/cargo",
+    ExecutiveKilled: "/sim/crash",
+    LinkDarkChanged: "/sim/dark",
+    SimulationState: "/sim/state",
+}
 KIND: Final = "kind"
 """Key that names the type of an object of a union."""
 MAX_TIME_S: Final = 2.0**33
@@ -76,7 +95,7 @@ TOPICS: Final[Mapping[str, RecordingTopic]] = {
         *(RecordingTopic(f"/in/{_snake(fact)}", fact) for fact in get_args(Fact)),
         *(RecordingTopic(f"/in/{_snake(kind)}", kind) for kind in (*_ENTRIES, *get_args(Input))),
         *(RecordingTopic(f"{DECISIONS}{_snake(kind)}", kind) for kind in get_args(Decision)),
-        RecordingTopic(TRUTH, Truth),
+        *(RecordingTopic(_SIMULATION[kind], kind) for kind in get_args(SimulationItem)),
     )
 }
 """All topics by name."""

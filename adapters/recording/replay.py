@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import zip_longest
 from pathlib import Path
-from typing import Final
+from typing import Final, get_args
 
 from adapters.recording.container import RecordingError
-from adapters.recording.messages import DECISIONS, START, TRUTH, topic_of
+from adapters.recording.messages import DECISIONS, START, topic_of
 from adapters.recording.replay_ports import (
     Decisions,
     NullRover,
@@ -25,6 +25,7 @@ from adapters.recording.run_file import RecordedMessage, RunReader
 from executive.core.recording import (
     CoreCall,
     CoreCalled,
+    EmergencyStopped,
     Entry,
     EventReported,
     FactObserved,
@@ -33,6 +34,7 @@ from executive.core.recording import (
     ProcessStart,
     ReportSent,
     SafeModeEntered,
+    SimulationItem,
     TreeChanged,
     TreeNodeState,
     is_within,
@@ -43,6 +45,7 @@ from executive.values.reports import Report
 from trees import RoverTree, TreeNodeSnapshot
 
 NOTHING: Final = "nothing"
+_UNUSED: Final = get_args(SimulationItem)
 MAX_SHOWN_LENGTH: Final = 200
 """Maximum characters shown of a decision."""
 
@@ -235,7 +238,7 @@ def _entries(reader: RunReader) -> Iterator[ProcessStart | RecordedEntry]:
     """Yield starts and entries; omit a truncated file's last entry, which may lack items."""
     current: RecordedEntry | None = None
     for message in reader.messages():
-        if message.topic.name == TRUTH:
+        if message.topic.kind in _UNUSED:
             continue
         if message.topic.name.startswith(DECISIONS):
             if current is not None:
@@ -365,6 +368,8 @@ class _ReplayedCore:
             case CoreCalled():
                 executive.close()
                 self._executive = None
+        if any(isinstance(each, EmergencyStopped) for each in recorded.inputs):
+            executive.emergency_stop()  # another thread called it, at the latest now
 
     def _start(self) -> Executive:
         settings = self._start_item.settings

@@ -9,6 +9,7 @@ from typing import Concatenate, Final, Generic, ParamSpec, TypeVar
 from executive.commands.lifecycle import Rejected, SubmitResult
 from executive.core.recording import (
     CameraCommanded,
+    EmergencyStopped,
     Entry,
     FileEventSent,
     FrameRequested,
@@ -216,6 +217,7 @@ class _RecordedRover(Generic[R]):
 
     def emergency_stop(self) -> None:
         self._rover.emergency_stop()
+        self._tape.put(EmergencyStopped())
 
     def lock(self, held: bool) -> None:
         if held is not self._held:

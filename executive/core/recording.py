@@ -179,6 +179,11 @@ class LedgerBehind:
     error: str
 
 
+@dataclass(frozen=True, slots=True)
+class EmergencyStopped:
+    """A stop was submitted, and stopped the rover at once; the core's thread dequeues it later."""
+
+
 Input = (
     CommandDequeued
     | GroundContact
@@ -188,6 +193,7 @@ Input = (
     | AuthorityRequest
     | CancelRequest
     | LedgerBehind
+    | EmergencyStopped
 )
 """Inputs received during an entry."""
 
@@ -382,11 +388,118 @@ class Truth:
     pose: Pose
 
 
-Item = ProcessStart | Entry | Input | Decision | Truth
+@dataclass(frozen=True, slots=True)
+class SimulationStarted:
+    """The simulation of the rover began.
+
+    The times of this item and the next are on the monotonic clock of the core.
+
+    Attributes:
+        text: its world, seed and accuracy, in the format of worlds.
+    """
+
+    time_s: float
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class TimelineStarted:
+    """The timeline of a scenario began.
+
+    Attributes:
+        text: its entries, in the format of scenarios.
+    """
+
+    time_s: float
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class TimelinePlayed:
+    """An entry of the timeline was carried out, for example a command was sent.
+
+    Attributes:
+        index: its position in the timeline, from 0.
+    """
+
+    time_s: float
+    index: int
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatedFaultChanged:
+    """A fault of the simulation was injected or cleared.
+
+    Attributes:
+        text: the fault and its parameters, in the format of scenarios; its name if it was cleared.
+    """
+
+    time_s: float
+    injected: bool
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class CargoChanged:
+    """The mass of the simulated rover's cargo changed."""
+
+    time_s: float
+    mass_kg: float
+
+
+@dataclass(frozen=True, slots=True)
+class ExecutiveKilled:
+    """The executive was ended as by kill -9; a `ProcessStart` follows if it was started again."""
+
+    time_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class LinkDarkChanged:
+    """The link between ground and rover went down, or up again.
+
+    Attributes:
+        dark: whether no message passes.
+    """
+
+    time_s: float
+    dark: bool
+
+
+@dataclass(frozen=True, slots=True)
+class SimulationState:
+    """A checkpoint of the simulated rover.
+
+    Attributes:
+        octets: the checkpoint; its format is defined by the simulation.
+    """
+
+    time_s: float
+    octets: bytes
+
+
+SimulationItem = (
+    Truth
+    | SimulationStarted
+    | TimelineStarted
+    | TimelinePlayed
+    | SimulatedFaultChanged
+    | CargoChanged
+    | ExecutiveKilled
+    | LinkDarkChanged
+    | SimulationState
+)
+"""Items known only to a simulation; the core never receives them, and a replay ignores them."""
+
+
+Item = ProcessStart | Entry | Input | Decision | SimulationItem
 
 
 class RecordingSink(Protocol):
-    """Receives a recording. Called on the core's thread: must neither block nor raise."""
+    """Receives a recording. Must neither block nor raise.
+
+    Called on the core's thread, for an `EmergencyStopped` on any.
+    """
 
     def put(self, item: Item) -> None:
         """Record an item."""

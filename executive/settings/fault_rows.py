@@ -26,16 +26,20 @@ _CHOICES: Final = {"when": MonitoredWhen, "reaction": Reaction, "clears": ClearP
 
 
 def settings_reader(
-    special: Mapping[Any, Callable[[Any], Any]] | None = None, *, units: bool = False
+    special: Mapping[Any, Callable[[Any], Any]] | None = None,
+    plain: Mapping[Any, Callable[[Any], Any]] | None = None,
+    *,
+    units: bool = False,
 ) -> StrictReader:
     """Return a reader of settings.
 
     Args:
         special: functions that read these types instead of the default.
+        plain: functions that write values of these types.
         units: whether keys carry the units of their fields.
     """
     read = {**(special or {}), FaultTable: _read_faults}
-    return StrictReader(read, {FaultTable: _plain_faults}, units=units)
+    return StrictReader(read, {FaultTable: _plain_faults, **(plain or {})}, units=units)
 
 
 @cache

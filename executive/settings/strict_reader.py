@@ -10,8 +10,9 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from dataclasses import Field, field, fields, is_dataclass
 from difflib import get_close_matches
 from enum import Enum, EnumMeta
-from functools import cache
+from functools import cache, partial
 from math import inf
+from operator import eq
 from types import GenericAlias, NoneType, UnionType
 from typing import Any, Final, TypeVar, get_args, get_origin, overload
 
@@ -102,7 +103,7 @@ class StrictReader:
     def __init__(
         self,
         special: Mapping[Any, Callable[[Any], Any]],
-        plain: Mapping[type, Callable[[Any], Any]] | None = None,
+        plain: Mapping[Any, Callable[[Any], Any]] | None = None,
         *,
         units: bool = False,
     ) -> None:
@@ -125,7 +126,7 @@ class StrictReader:
             lambda kind: kind in special, lambda raw, kind: special[kind](raw)
         )
         for kind, written in (plain or {}).items():
-            made.register_unstructure_hook(kind, written)
+            made.register_unstructure_hook_func(partial(eq, kind), written)
 
     @overload
     def read(self, raw: object, kind: type[T], path: str = "") -> T: ...

@@ -15,7 +15,7 @@ from adapters.mocup import MocupRover
 from adapters.mops import Message, MopsError, MopsStream, encode, facts_of, load_dictionary
 from executive.commands import Command
 from executive.commands.lifecycle import SubmitResult
-from executive.core.recording import RecordingSink, Truth
+from executive.core.recording import ExecutiveKilled, RecordingSink, SimulationItem, Truth
 from executive.core.runner import Executive
 from executive.goals import Context
 from executive.motion import SharedSolver, make_solver
@@ -32,6 +32,7 @@ from sim.brick import BrickSettings
 from sim.rover.camera import PictureSettings
 from sim.rover.jackal import SimulatedJackal, SimulatedOdometry
 from sim.rover.mocup import SimulatedMocup
+from sim.rover.simulation import Simulation
 from sim.rover.world import World
 from trees import RoverTree
 
@@ -169,11 +170,19 @@ class LockStep:
         self._tick_steps = round(settings.tick_s / STEP_S)
         self.executive = self._start()
         self.alive = True
+        if rover is None:  # one with further parts cannot be built again from a recording
+            parts = odometry or SimulatedOdometry(), picture or PictureSettings()
+            self.record(Simulation(world, seed, *parts).started(self.time_s))
 
     @property
     def time_s(self) -> float:
         """Simulated seconds since the start."""
         return self.clock.now_s()
+
+    def record(self, item: SimulationItem) -> None:
+        """Add an item to the recording, if there is one."""
+        if self._tape is not None:
+            self._tape.put(item)
 
     def submit(self, command: Command) -> SubmitResult:
         """Submit a command like a link, and return the result.
@@ -254,6 +263,7 @@ class LockStep:
 
     def kill(self) -> None:
         """End the executive as by kill -9: it receives no facts, and does not tick or command."""
+        self.record(ExecutiveKilled(self.time_s))
         self.executive.simulate_crash()
         self.alive = False
 
@@ -295,8 +305,7 @@ class LockStep:
         for fact in facts:
             self.executive.observe(fact)
         if self._steps % self._tick_steps == 0:
-            if self._tape is not None:
-                self._tape.put(Truth(self.time_s, self.rover.true_pose))
+            self.record(Truth(self.time_s, self.rover.true_pose))
             self.executive.tick()
             self._serve_while_woken()
 

@@ -12,7 +12,13 @@ from zlib import crc32
 
 from executive.commands import Command, SetPositionCompensation
 from executive.commands.lifecycle import Accepted, Duplicate, Rejected
-from executive.core.recording import RecordingSink
+from executive.core.recording import (
+    CargoChanged,
+    LinkDarkChanged,
+    RecordingSink,
+    TimelinePlayed,
+    TimelineStarted,
+)
 from executive.goals import Context
 from executive.plans import Tree
 from executive.settings import SettingsError
@@ -23,8 +29,10 @@ from sim.rover.camera import PictureSettings
 from sim.rover.faults import LinkLost, SimulatedFault, fault_declaration
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.lockstep import STEP_S, DownlinkRecorder, LockStep
+from sim.rover.simulation import fault_changed
 from sim.scenario import model
 from sim.scenario.model import Entry, RunMode, Scenario
+from sim.scenario.reading import write_timeline
 from sim.scenario.record import (
     ALMOST_S,
     AdmittedRequest,
@@ -155,6 +163,8 @@ class LockstepRun:
         self._ground = CommandFactory(scenario, RunMode.LOCK_STEP.link)
         self._downlink = DownlinkCollector(lock.downlink_record, record)
         self._start_s = inf
+        self._entries, self._dark = scenario.timeline, False
+        lock.record(TimelineStarted(lock.time_s, write_timeline(scenario.timeline)))
 
     def run(self) -> None:
         """Step from event to event; sample the rover after each tick."""
@@ -168,7 +178,7 @@ class LockstepRun:
             if event_s < target * STEP_S:
                 target = max(step + 1, ceil(event_s / STEP_S - 1e-6))
             self._lock.run((target - step) * STEP_S)
-            self._downlink.listen(self._lock.time_s)
+            self._listen()
             step = target
             if step % self._tick_steps == 0:
                 self.observe()
@@ -189,9 +199,17 @@ class LockstepRun:
             self._start_s = inf
             self._lock.start()
         for entry in self._timeline.due(self._lock.time_s):
+            index = next(i for i, each in enumerate(self._entries) if each is entry)
+            self._lock.record(TimelinePlayed(self._lock.time_s, index))
             self._carry_out(entry)
-            self._downlink.listen(self._lock.time_s)
+            self._listen()
             self._record.played += 1
+
+    def _listen(self) -> None:
+        self._downlink.listen(self._lock.time_s)
+        if self._downlink.dark is not self._dark:
+            self._dark = self._downlink.dark
+            self._lock.record(LinkDarkChanged(self._lock.time_s, self._dark))
 
     def observe(self) -> None:
         """Sample the rover after a tick."""
@@ -223,6 +241,7 @@ class LockstepRun:
                 self._set_fault(kind, None)
             case model.Cargo(cargo_kg=mass_kg):
                 lock.rover.set_cargo_mass(mass_kg)
+                lock.record(CargoChanged(lock.time_s, mass_kg))
             case model.Outage(outage_s=dark_s):
                 self._downlink.start_outage(lock.time_s + dark_s)
             case model.Crash(crash_s=down_s):
@@ -256,6 +275,8 @@ class LockstepRun:
 
     def _set_fault(self, kind: type[SimulatedFault], begins: SimulatedFault | None) -> None:
         """Inject a fault, or clear the fault of a kind."""
+        time_s = self._lock.time_s
+        self._lock.record(fault_changed(time_s, kind, begins))
         if kind is LinkLost:
             self._downlink.set_lost(begins is not None)
         elif begins is not None:
@@ -263,7 +284,7 @@ class LockstepRun:
         else:
             self._lock.rover.clear(kind)
         name = fault_declaration(kind).name
-        self._record.faults.append(FaultChange(self._lock.time_s, name, begins is not None))
+        self._record.faults.append(FaultChange(time_s, name, begins is not None))
 
     def submit(self, command: Command) -> Answer:
         """Send a command, and return the answer."""

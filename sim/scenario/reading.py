@@ -3,6 +3,7 @@
 Labels must exist, times lie within the run, and the mode of the run support the whole file.
 """
 
+import json
 import re
 from collections.abc import Iterator, Sequence
 from contextvars import ContextVar
@@ -18,6 +19,7 @@ from executive.commands import (
     Request,
     SubmitPlan,
     all_declarations,
+    declaration_of,
 )
 from executive.commands.intake import SOURCE_PREFIX
 from executive.plans import FORMAT
@@ -39,7 +41,9 @@ from sim.rover.faults import (
     FaultTarget,
     LinkLost,
     SimulatedFault,
+    fault_declaration,
     fault_targets_of,
+    format_fault,
     read_fault,
     read_kind,
     unsupported_reason,
@@ -67,6 +71,7 @@ OPERATIONS: Final = {each.name: each for each in all_declarations()}
 LINKS: Final = tuple(each.link for each in (RunMode.DIRECT, RunMode.RELAY))
 """Links of live runs."""
 _MAX_PX: Final = (1280, 960)
+_PLAIN: Final = StrictReader({})
 _FOLDER: Final[ContextVar[Path]] = ContextVar("folder")
 """Folder of the file that is being read; plans are found in it."""
 
@@ -174,9 +179,35 @@ def _reader() -> StrictReader:
             Request: lambda raw: read_request(raw, reader),
             SimulatedFault: read_fault,
             type[SimulatedFault]: lambda raw: read_kind(raw).kind,
-        }
+        },
+        {
+            StageTime: lambda time: f"{time.label} {time.stage} + {time.delay_s:.9f}",
+            SimulatedFault: format_fault,
+            type[SimulatedFault]: lambda kind: fault_declaration(kind).name,
+            **{each.kind: write_request for each in all_declarations()},
+        },
     )
     return reader
+
+
+@dataclass(frozen=True, slots=True)
+class _Timeline:
+    timeline: tuple[Entry, ...]
+
+
+def write_timeline(timeline: tuple[Entry, ...]) -> str:
+    """Return a timeline as text that `read_timeline` reads."""
+    return json.dumps(_reader().plain(_Timeline(timeline)))
+
+
+def read_timeline(text: str) -> tuple[Entry, ...]:
+    """Return the timeline of a recording.
+
+    Raises:
+        FormatError: the text is not valid, for example of another version.
+        ValueError: it is no JSON.
+    """
+    return _reader().read(json.loads(text), _Timeline).timeline
 
 
 def _settings(asset: object, folder: Path) -> Settings:
@@ -219,11 +250,13 @@ class PlanFile:
     Attributes:
         plan: name in config/plans, or XML file beside the scenario.
         id: plan id of the submission; None is the file's name.
+        content: the plan itself; None reads the file.
     """
 
     plan: str
     id: str | None = None
     arguments: tuple[PlanArgument, ...] = ()
+    content: str | None = None
 
 
 def read_request(raw: Any, reader: StrictReader) -> Request:
@@ -246,6 +279,22 @@ def read_request(raw: Any, reader: StrictReader) -> Request:
     return request
 
 
+def write_request(request: Request) -> dict[str, object]:
+    """Return a request as `read_request` reads it; a plan with its content."""
+    declaration = declaration_of(type(request))
+    made: object = request
+    if isinstance(request, SubmitPlan):
+        plan = request.plan
+        made = PlanFile(
+            plan=plan.name, id=plan.plan_id, arguments=plan.arguments, content=plan.content.decode()
+        )
+    elif declaration.composite is not None:
+        first, *others = (getattr(request, each.name) for each in fields(request))
+        parts = (getattr(first, each.name) for each in fields(declaration.composite))
+        made = _file_type(declaration)(*parts, *others)
+    return {declaration.name: _PLAIN.plain(made)}
+
+
 @cache
 def _file_type(declaration: CommandDeclaration) -> Any:
     """Return the dataclass of a request in a file, with the fields of its composite, if any."""
@@ -261,9 +310,9 @@ def _file_type(declaration: CommandDeclaration) -> Any:
 
 def _plan(entry: PlanFile, path: str) -> PlanDefinition:
     named = config_folder() / "plans" / f"{entry.plan}.xml"
-    file = _FOLDER.get() / entry.plan if entry.plan.endswith(".xml") else named
+    file = _FOLDER.get(Path()) / entry.plan if entry.plan.endswith(".xml") else named
     try:
-        content = file.read_bytes()
+        content = file.read_bytes() if entry.content is None else entry.content.encode()
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else error
         raise FormatError(path, f"{entry.plan!r} cannot be read ({why})") from error
