@@ -6,4 +6,5 @@ from executive.preview.preview import Preview as Preview
 from executive.preview.preview import PreviewRun as PreviewRun
 from executive.preview.preview import StepPreview as StepPreview
 from executive.preview.preview import TimedPose as TimedPose
+from executive.preview.preview_rover import DelegatedMotionBase as DelegatedMotionBase
 from executive.preview.preview_rover import KinematicBase as KinematicBase
