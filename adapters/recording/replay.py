@@ -2,61 +2,31 @@
 
 import json
 import tempfile
-import traceback
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import zip_longest
 from pathlib import Path
-from typing import Final, get_args
+from typing import Final
 
 from adapters.recording.container import RecordingError
-from adapters.recording.messages import DECISIONS, START, topic_of
-from adapters.recording.replay_ports import (
-    Decisions,
-    NullRover,
-    NullVideo,
-    RecordedClock,
-    ReplayInbox,
-    ReplayLedger,
-    ReplaySolver,
-    notice,
-)
+from adapters.recording.messages import START, topic_of
+from adapters.recording.replayed import RecordedEntry, ReplayedCore, read_entries
 from adapters.recording.run_file import RecordedMessage, RunReader
 from executive.core.recording import (
     CoreCall,
     CoreCalled,
-    EmergencyStopped,
-    Entry,
-    EventReported,
-    FactObserved,
-    GroundContact,
-    Input,
     ProcessStart,
     ReportSent,
-    SafeModeEntered,
-    SimulationItem,
     TreeChanged,
     TreeNodeState,
-    is_within,
 )
-from executive.core.runner import Executive
 from executive.settings import Settings
 from executive.values.reports import Report
 from trees import RoverTree, TreeNodeSnapshot
 
 NOTHING: Final = "nothing"
-_UNUSED: Final = get_args(SimulationItem)
 MAX_SHOWN_LENGTH: Final = 200
 """Maximum characters shown of a decision."""
-
-
-@dataclass(slots=True)
-class RecordedEntry:
-    """An entry of the core, with the inputs and the decisions during it."""
-
-    entry: Entry
-    inputs: list[Input | Entry] = field(default_factory=list)
-    decisions: list[RecordedMessage] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,11 +143,11 @@ def replay(path: Path, settings: Settings | None = None) -> ReplayResult:
     reports: list[ChangedReport] = []
     with tempfile.TemporaryDirectory(prefix="rover-replay-") as folder:
         core = None
-        for each in _entries(reader):
+        for each in read_entries(reader):
             if isinstance(each, ProcessStart):
                 histories += 1
                 try:
-                    core = _ReplayedCore(
+                    core = _ComparedCore(
                         _with(each, settings, path), Path(folder, str(histories)), reader
                     )
                 except (OSError, ValueError) as error:
@@ -234,83 +204,17 @@ def _reports(
     return {(each.identity, each.stage, each.reason, each.text): each for each in reports}
 
 
-def _entries(reader: RunReader) -> Iterator[ProcessStart | RecordedEntry]:
-    """Yield starts and entries; omit a truncated file's last entry, which may lack items."""
-    current: RecordedEntry | None = None
-    for message in reader.messages():
-        if message.topic.kind in _UNUSED:
-            continue
-        if message.topic.name.startswith(DECISIONS):
-            if current is not None:
-                current.decisions.append(message)
-            continue
-        item: ProcessStart | Entry | Input = reader.decoded(message)
-        if isinstance(item, Input) or is_within(item):
-            if current is not None:
-                current.inputs.append(item)
-            continue
-        if current is not None:
-            yield current
-        if isinstance(item, ProcessStart):
-            current = None
-            yield item
-        else:
-            current = RecordedEntry(item)
-    if current is not None and reader.whole:
-        yield current
-
-
-class _ReplayedCore:
-    """Executive of one recorded start, in a folder of its own.
-
-    Attributes:
-        decisions: decisions of the last entry.
-        raised: exception of the last entry as text; empty if there was none.
-    """
+class _ComparedCore(ReplayedCore):
+    """A replayed core with the comparison of its decisions."""
 
     def __init__(self, lifecycle: ProcessStart, folder: Path, reader: RunReader) -> None:
-        self.raised = ""
+        super().__init__(lifecycle, folder)
         self._reader = reader
-        self._start_item = lifecycle
-        self._folder = folder
-        self._clock = RecordedClock()
-        self._tape = Decisions()
-        self._inbox = ReplayInbox()
-        lead_ticks = lifecycle.solver_lead_ticks
-        self._solver = None if lead_ticks is None else ReplaySolver(lead_ticks)
-        self._ledger: ReplayLedger | None = None
-        self._executive: Executive | None = None
         self._states: dict[str, TreeNodeState] = {}
-        (folder / "files").mkdir(parents=True)
-        (folder / "ledger.sqlite").write_bytes(lifecycle.ledger)
-        if lifecycle.latch:
-            (folder / "ledger.stop").write_bytes(lifecycle.latch)
-        for each in lifecycle.files:
-            target = (folder / "files" / each.path).resolve()
-            if not target.is_relative_to((folder / "files").resolve()):
-                raise ValueError(f"{each.path} is outside of its folder")
-            target.parent.mkdir(parents=True, exist_ok=True)
-            with target.open("wb") as file:
-                file.truncate(each.size_octets)
-
-    @property
-    def decisions(self) -> Sequence[RecordedMessage]:
-        return self._tape.decisions
 
     def enter(self, recorded: RecordedEntry) -> None:
-        """Run an entry."""
-        self._clock.entry = recorded.entry
-        self._tape.decisions = []
-        for scripted in (self._inbox, self._ledger, self._solver):
-            if scripted is not None:
-                scripted.load(recorded.inputs)
-        try:
-            self._enter(recorded)
-        except RecordingError:
-            raise
-        except Exception as error:  # raised by changed code
-            at = traceback.extract_tb(error.__traceback__)[-1]
-            self.raised = f"{type(error).__name__}: {error} (line {at.lineno} of {at.filename})"
+        """Run an entry, and follow the recorded tree."""
+        super().enter(recorded)
         for message in recorded.decisions:
             if message.topic.kind is TreeChanged:
                 changed: TreeChanged = self._reader.decoded(message)
@@ -325,8 +229,8 @@ class _ReplayedCore:
         if then is None and now is None and not self.raised:
             return None
         tree: tuple[TreeNodeSnapshot, ...] = ()
-        if self._executive is not None and isinstance(self._executive.tree, RoverTree):
-            tree = self._executive.tree.nodes()
+        if self.executive is not None and isinstance(self.executive.tree, RoverTree):
+            tree = self.executive.tree.nodes()
         name = topic_of(recorded.entry).name
         return Difference(number, name, time_s, then, now, self.raised, tree, self._then(tree))
 
@@ -340,52 +244,3 @@ class _ReplayedCore:
             elif (state.status, state.message) != (node.status.name, node.message):
                 states[node.path] = f"recorded: {state.status} {state.message}".rstrip()
         return states
-
-    def end(self) -> None:
-        """End it like a crash."""
-        if self._executive is not None:
-            self._executive.simulate_crash()
-
-    def _enter(self, recorded: RecordedEntry) -> None:
-        entry = recorded.entry
-        if isinstance(entry, CoreCalled) and entry.call is CoreCall.START:
-            self._executive = self._start()
-            return
-        executive = self._executive
-        if executive is None:
-            raise RecordingError(f"{topic_of(entry).name} precedes /in/start")
-        if any(isinstance(each, GroundContact) for each in recorded.inputs):
-            executive.ground.record_contact()
-        match entry:
-            case FactObserved(fact=fact):
-                executive.observe(fact)
-            case EventReported() | SafeModeEntered():
-                notice(executive, entry)
-            case CoreCalled(call=CoreCall.SERVE):
-                executive.serve_inbox()
-            case CoreCalled(call=CoreCall.TICK):
-                executive.tick()
-            case CoreCalled():
-                executive.close()
-                self._executive = None
-        if any(isinstance(each, EmergencyStopped) for each in recorded.inputs):
-            executive.emergency_stop()  # another thread called it, at the latest now
-
-    def _start(self) -> Executive:
-        settings = self._start_item.settings
-        self._ledger = ReplayLedger(self._folder / "ledger.sqlite")
-        executive = Executive(
-            settings=settings,
-            clock=self._clock,
-            rover=NullRover(),
-            ledger=self._ledger,
-            files=self._folder / "files",
-            downlinks=[],
-            build_tree=RoverTree,
-            video=NullVideo() if self._start_item.video else None,
-            solver=self._solver,
-            inbox=self._inbox,
-            tape=self._tape,
-        )
-        self._inbox.core = executive
-        return executive

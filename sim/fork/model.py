@@ -20,7 +20,7 @@ from sim.scenario.record import Record
 
 @unique
 class Placing(Enum):
-    """How the simulated rover was put where the recorded one was, in order of decreasing exactness."""
+    """How the simulated rover was put where the recorded one was; more exact ones are first."""
 
     PHYSICS = "physics from the start of the recording"
     STATE = "recorded state of the simulation"
@@ -170,7 +170,7 @@ class ForkOutcome:
 
 @dataclass(frozen=True, slots=True)
 class ForkRun:
-    """A fork, and the record from which scenarios judge a run, with the times of the outcome."""
+    """A fork, and its record for the judgements of scenarios; both have the same times."""
 
     outcome: ForkOutcome
     record: Record

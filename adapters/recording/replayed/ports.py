@@ -1,4 +1,4 @@
-"""Ports of a core that `replay` runs: inbox, ledger, solver, clock, rover from the recording."""
+"""Ports of a core that runs on a recording: inbox, ledger, solver, clock, rover."""
 
 from collections.abc import Sequence
 from functools import partial

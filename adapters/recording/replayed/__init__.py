@@ -1,0 +1,6 @@
+"""The core on recorded inputs, for replays and forks; imports all of the executive."""
+
+from adapters.recording.replayed.core import RecordedEntry as RecordedEntry
+from adapters.recording.replayed.core import ReplayedCore as ReplayedCore
+from adapters.recording.replayed.core import read_entries as read_entries
+from adapters.recording.run_file import RecordedMessage as RecordedMessage
