@@ -1,11 +1,10 @@
 """`Checkpointed`: parts of a simulation whose state is saved, and continued in another process.
 
 A part declares the attributes that change; all others follow from the arguments of its constructor.
-A checkpoint is packed JSON: recordings come from elsewhere, and reading one executes nothing.
+A checkpoint is JSON: recordings come from elsewhere, and reading one executes nothing.
 """
 
 import json
-import zlib
 from collections.abc import Mapping
 from typing import Any, ClassVar, Final
 
@@ -15,15 +14,13 @@ from cattrs.strategies import configure_tagged_union
 
 from executive.values.facts import Fact
 
-MAX_OCTETS: Final = 1 << 20
-"""Maximum unpacked size: a hundred times that of a Jackal with a scan under way."""
 CONVERTER: Final = Converter(detailed_validation=False, forbid_extra_keys=True)
 """Converts values to JSON and back, to the last bit."""
 configure_tagged_union(Fact, CONVERTER, tag_name="kind")
 
 
 class CheckpointError(ValueError):
-    """Octets are no checkpoint of this simulation; the text gives the reason."""
+    """A text is no checkpoint of this simulation; the text gives the reason."""
 
 
 @CONVERTER.register_unstructure_hook
@@ -60,24 +57,20 @@ class Checkpointed:
 
     CHANGES: ClassVar[Mapping[str, Any]] = changing()
 
-    def save(self) -> bytes:
-        """Return the state of this part and its parts, packed."""
-        return zlib.compress(json.dumps(_saved(self), separators=(",", ":")).encode(), 9)
+    def save(self) -> str:
+        """Return the state of this part and its parts."""
+        return json.dumps(_saved(self), separators=(",", ":"))
 
-    def restore(self, octets: bytes) -> None:
+    def restore(self, text: str) -> None:
         """Continue from a saved state, in a new object made by the same arguments.
 
         Raises:
-            CheckpointError: the octets are damaged, or of another version or kind of rover. The
-                object is then not to be used.
+            CheckpointError: the text is damaged, or of another version or kind of rover. The object
+                is then not to be used.
         """
         try:
-            unpacker = zlib.decompressobj()
-            text = unpacker.decompress(octets, MAX_OCTETS)
-            if not unpacker.eof:
-                raise ValueError("incomplete, or too large")
             _restore(self, json.loads(text))
-        except (ValueError, TypeError, LookupError, ArithmeticError, zlib.error) as error:
+        except (ValueError, TypeError, LookupError, ArithmeticError, RecursionError) as error:
             raise CheckpointError(
                 f"the recorded state of the simulation is damaged or of another version: {error}"
             ) from error

@@ -471,11 +471,11 @@ class SimulationState:
     """A checkpoint of the simulated rover.
 
     Attributes:
-        octets: the checkpoint; its format is defined by the simulation.
+        text: the checkpoint; its format is defined by the simulation.
     """
 
     time_s: float
-    octets: bytes
+    text: str
 
 
 SimulationItem = (

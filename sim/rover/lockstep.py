@@ -15,7 +15,13 @@ from adapters.mocup import MocupRover
 from adapters.mops import Message, MopsError, MopsStream, encode, facts_of, load_dictionary
 from executive.commands import Command
 from executive.commands.lifecycle import SubmitResult
-from executive.core.recording import ExecutiveKilled, RecordingSink, SimulationItem, Truth
+from executive.core.recording import (
+    ExecutiveKilled,
+    RecordingSink,
+    SimulationItem,
+    SimulationState,
+    Truth,
+)
 from executive.core.runner import Executive
 from executive.goals import Context
 from executive.motion import SharedSolver, make_solver
@@ -86,6 +92,8 @@ RESTED_S: Final = 2.0
 MEASURED_S: Final = 0.6
 """Time between two skips; the monitors of the accelerometer then settle; measured."""
 _SECOND: Final = round(1 / STEP_S)
+_SAVED_STEP: Final = 8
+"""Step of each second whose state is recorded: a scan at 10 Hz is not under way then."""
 
 
 class DownlinkRecorder:
@@ -170,7 +178,9 @@ class LockStep:
         self._tick_steps = round(settings.tick_s / STEP_S)
         self.executive = self._start()
         self.alive = True
+        self._saved: SimulatedJackal | None = None
         if rover is None:  # one with further parts cannot be built again from a recording
+            self._saved = self.rover if tape and isinstance(self.rover, SimulatedJackal) else None
             parts = odometry or SimulatedOdometry(), picture or PictureSettings()
             self.record(Simulation(world, seed, *parts).started(self.time_s))
 
@@ -300,6 +310,8 @@ class LockStep:
         self._steps += 1
         self.clock.set(self._steps * STEP_S)
         facts = self._seen.facts()
+        if self._saved is not None and self._steps % _SECOND == _SAVED_STEP:
+            self.record(SimulationState(self.time_s, self._saved.save()))
         if not self.alive:
             return
         for fact in facts:
