@@ -55,6 +55,7 @@ from adapters.ros import (
 )
 from adapters.ros.client_link import ReadCommandText, RosClientLink
 from adapters.ros.node import ExecutiveNode, clock_of
+from adapters.ros.simulation_items import record_simulation
 from adapters.video import VideoForwarder
 from executive.core.recording import RecordingTee
 from executive.core.runner import Executive
@@ -281,6 +282,7 @@ def executive_on(
         ledger.write_on_thread(lambda: executive.wake())
         if tape is not None:
             tape.on_fault = partial(_report_recording_fault, executive)
+            record_simulation(node, tape)
         served = ExecutiveNode(node, topics, sensors, rover, executive)
         if housekeeping is not None:
             served.on_ticks = housekeeping.note

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, get_args
 from adapters.recording.container import RecordingError
 from adapters.recording.messages import KIND, START, TOPICS, plain_of, topic_of
 from adapters.recording.run_file import RunReader
-from executive.core.recording import Entry, Item, ProcessStart, SimulationItem
+from executive.core.recording import Entry, Item, ProcessStart, Truth
 from executive.history import RunHistory
 from executive.history.history_builder import KINDS, HistoryBuilder
 from trees import leaf_paths
@@ -55,7 +55,7 @@ def read_timed(reader: RunReader, kinds: Collection[type]) -> Iterator[TimedItem
         if isinstance(item, Entry):
             at_s = utc_s = item.utc_s
             apart_s = item.utc_s - item.now_s
-        elif isinstance(item, SimulationItem):
+        elif isinstance(item, Truth):
             at_s = item.time_s + apart_s if began_s is not None else 0.0
         if began_s is None:
             if not isinstance(item, Entry):

@@ -11,6 +11,7 @@ from rclpy.node import Node
 from std_msgs.msg import Float64
 
 from adapters.ros import Topic, declare_optional_topic, ros_node
+from executive.core.recording import CargoChanged, RecordingSink
 from sim.rover.body import SimulatedBody
 
 _LOG: Final = logging.getLogger(__name__)
@@ -25,7 +26,7 @@ def declare_cargo(node: Node) -> Topic | None:
     return declare_optional_topic(node, "cargo", "cargo of a simulated rover, kg", Float64)
 
 
-def serve_cargo(node: Node, rover: SimulatedBody) -> None:
+def serve_cargo(node: Node, rover: SimulatedBody, tape: RecordingSink) -> None:
     """Load the rover with received masses; an invalid one is logged and ignored."""
 
     def on_mass(message: Float64) -> None:
@@ -35,6 +36,7 @@ def serve_cargo(node: Node, rover: SimulatedBody) -> None:
             _LOG.warning("%s", error)
         else:
             _LOG.info("cargo aboard: %g kg", message.data)
+            tape.put(CargoChanged(rover.time_s, message.data))
 
     topic = declare_cargo(node)
     if topic is not None:

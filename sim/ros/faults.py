@@ -18,6 +18,7 @@ from rclpy.executors import Executor
 from rclpy.node import Node
 
 from adapters.ros import ros_node, single_threaded
+from executive.core.recording import RecordingSink
 from executive.settings import parse_yaml
 from sim.rover.body import SimulatedBody
 from sim.rover.faults import (
@@ -28,13 +29,14 @@ from sim.rover.faults import (
     read_kind,
     unsupported_reason,
 )
+from sim.rover.simulation import fault_changed
 
 SERVICE: Final = "simulation/faults"
 ANSWER_S: Final = 10.0
 _LOG: Final = logging.getLogger(__name__)
 
 
-def serve_faults(node: Node, rover: SimulatedBody) -> None:
+def serve_faults(node: Node, rover: SimulatedBody, tape: RecordingSink) -> None:
     """Serve requests to inject and clear faults."""
 
     def on_request(request: Any, response: Any) -> Any:
@@ -48,9 +50,11 @@ def serve_faults(node: Node, rover: SimulatedBody) -> None:
         for fault in wanted:
             if isinstance(fault, SimulatedFault):
                 rover.inject(fault)
+                tape.put(fault_changed(rover.time_s, type(fault), fault))
                 _LOG.warning("fault injected: %s", format_fault(fault))
             else:
                 rover.clear(fault)
+                tape.put(fault_changed(rover.time_s, fault, None))
                 _LOG.warning("fault cleared: %s", fault_declaration(fault).name)
         response.result = SetParametersResult(successful=True)
         return response

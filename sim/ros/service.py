@@ -41,6 +41,8 @@ from adapters.ros import (
     time_message,
     twist_of,
 )
+from adapters.ros.simulation_items import SimulationItemPublisher
+from executive.core.recording import SimulationState
 from executive.settings import LocomotionKind, Settings, SettingsError
 from executive.values.facts import (
     Battery,
@@ -61,6 +63,7 @@ from sim.rover.body import PERIOD_S, SimulatedBody
 from sim.rover.camera import Backend, PictureSettings, best_backend
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.mocup import SimulatedMocup
+from sim.rover.simulation import Simulation
 
 NODE_NAME: Final = "simulation"
 SECOND_FRAME: Final = "visual_odom"
@@ -78,6 +81,7 @@ MAX_LEAD_S: Final = 0.065
 0.1 s a starved executive received odometry 0.14 s old, more than the bound of `odometry_late`."""
 EXECUTIVE_TIMEOUT_S: Final = 5.0
 """Real time without a tick after which time no longer waits: the executive has ended or hangs."""
+STATE_PERIODS: Final = round(1 / PERIOD_S)
 WINDOW_S: Final = 5.0
 """Real time over which the speed is measured."""
 SLOW_RATIO, REAL_RATIO = 0.9, 0.97
@@ -273,6 +277,7 @@ class SimulationNode:
     Args:
         speed: simulated seconds per second.
         paced: whether simulated time waits for late ticks of the executive.
+        items: receives the state of a Jackal each second.
     """
 
     def __init__(
@@ -284,8 +289,10 @@ class SimulationNode:
         camera: CameraNode | None,
         speed: float,
         paced: bool,
+        items: SimulationItemPublisher,
     ) -> None:
         self._rover = rover
+        self._items = items
         self._exchange = exchange
         self._camera = camera
         self._frame_every = 1
@@ -326,11 +333,14 @@ class SimulationNode:
         self._periods += 1
         self._clock.publish(Clock(clock=time_message(self._rover.time_s)))
         self._exchange.exchange()
+        rover = self._rover
         if self._truth and self._truth.get_subscription_count():
-            rover = self._rover
             self._truth.publish(
                 odometry_message(Odometry(rover.time_s, rover.true_pose, rover.true_velocity))
             )
+        is_due = self._periods % STATE_PERIODS == 0 and self._items.records_state
+        if is_due and isinstance(rover, SimulatedJackal):
+            self._items.put(SimulationState(rover.time_s, rover.save()))
         if self._camera is not None and self._periods % self._frame_every == 0:
             self._camera.request_picture()
 
@@ -381,10 +391,13 @@ def serve(options: SimulationOptions) -> None:
     ):
         topics = declare_topics(node)
         rover, exchange = _rover(node, topics, options)
-        serve_cargo(node, rover)
-        serve_faults(node, rover)
+        items = SimulationItemPublisher(node)
+        items.put(Simulation(options.world, options.seed).started(rover.time_s))
+        serve_cargo(node, rover, items)
+        serve_faults(node, rover, items)
         with closing(exchange), _camera(node, topics, rover, options) as camera:
-            SimulationNode(node, topics, rover, exchange, camera, options.speed, options.paced)
+            pace = options.speed, options.paced
+            SimulationNode(node, topics, rover, exchange, camera, *pace, items)
             print(
                 f"{options.settings.asset} stands in world {options.world.name},"
                 f" camera: {'off' if camera is None else camera.backend.value}",

@@ -14,6 +14,7 @@ from geometry_msgs.msg import TwistStamped
 from adapters.mal import MalUri
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec.types import PlanStatus, Severity, Stage
+from adapters.recording import RunReader
 from adapters.recording.replay import replay
 from adapters.ros import ros_node, steady_timer
 from adapters.ros.context import SpunNode
@@ -28,9 +29,11 @@ from executive.commands.catalogue import (
     Stop,
     SubmitPlan,
 )
+from executive.core.recording import SimulationStarted, SimulationState
 from executive.settings import config_folder
 from executive.values.reasons import Reason
 from executive.values.reports import Report
+from sim.rover.simulation import Simulation
 from tests.benchmarks.octets import Octets
 from tests.support.ground import call_ground, carry_out, located, until_located
 from tests.support.plans import plan
@@ -99,10 +102,22 @@ def test_a_killed_executive_leaves_a_stationary_rover_and_a_successor_that_repor
         )
         carry_out(again, MoveForward(0.3))
         assert successor.end(signal.SIGTERM) == 0
-    killed, ended = (replay(path) for path in sorted((tmp_path / "data/recordings").iterdir()))
+    recordings = sorted((tmp_path / "data/recordings").iterdir())
+    assert [worlds_of(path) for path in recordings] == [["flat"], ["flat"]], "the simulation's own"
+    killed, ended = (replay(path) for path in recordings)
     assert (killed.difference, ended.difference) == (None, None), "both decide as they did"
     assert (killed.whole, ended.whole) == (False, True)
     assert killed.decisions > 5, "what was done before the kill is there, but for its last second"
+
+
+def worlds_of(recording: Path) -> list[str]:
+    """Return the recorded worlds; the state of the simulation is recorded, too."""
+    reader = RunReader(recording)
+    kinds = [SimulationStarted, SimulationState]
+    items = [reader.decoded(message) for message in reader.messages(kinds)]
+    assert {type(each) for each in items} == set(kinds)
+    started = (each for each in items if isinstance(each, SimulationStarted))
+    return [Simulation.of(each).world.name for each in started]
 
 
 def test_a_stall_of_the_executive_is_no_fault(probe: Probe, aboard: tuple[Running, str]) -> None:
