@@ -3,8 +3,11 @@
 from adapters.recording.background import BackgroundRecorder as BackgroundRecorder
 from adapters.recording.background import complete as complete
 from adapters.recording.container import RecordingError as RecordingError
+from adapters.recording.messages import TOPICS as TOPICS
 from adapters.recording.messages import decode as decode
+from adapters.recording.messages import missing_for_fork as missing_for_fork
 from adapters.recording.messages import plain_of as plain_of
+from adapters.recording.messages import topic_of as topic_of
 from adapters.recording.moments import Moment as Moment
 from adapters.recording.moments import RecordedMoments as RecordedMoments
 from adapters.recording.moments import RecordedTree as RecordedTree

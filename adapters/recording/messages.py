@@ -8,7 +8,7 @@ checks for completeness.
 import base64
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from enum import EnumMeta
 from functools import cache
@@ -107,6 +107,25 @@ def topic_of(item: Item) -> RecordingTopic:
     if isinstance(item, CoreCalled):
         return TOPICS[f"/in/{item.call.value}"]
     return _OF_KIND[type(item.fact) if isinstance(item, FactObserved) else type(item)]
+
+
+_FOR_FORK: Final = {
+    SimulationStarted: "the world, its seed, and the accuracy of the sensors",
+    SimulationState: "the state of the simulation at each second",
+    TimelineStarted: "the reports that commands, faults and outages waited for",
+}
+
+
+def missing_for_fork(kinds: Collection[type]) -> tuple[str, ...]:
+    """Return the missing parts of a recording for an exact fork, a line each.
+
+    Recordings of rovers and of older versions lack all of it, those of a live simulation the last.
+
+    Args:
+        kinds: the types of all of its items.
+    """
+    missing = {kind: text for kind, text in _FOR_FORK.items() if kind not in kinds}
+    return tuple(f"{_OF_KIND[kind].name} is missing: {text}" for kind, text in missing.items())
 
 
 def plain_of(item: Item) -> dict[str, Any]:

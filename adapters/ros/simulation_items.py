@@ -10,8 +10,7 @@ from typing import Any, Final
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from adapters.recording import decode, plain_of
-from adapters.recording.messages import TOPICS, topic_of
+from adapters.recording import TOPICS, decode, plain_of, topic_of
 from adapters.ros.robot_model import latched_qos
 from executive.core.recording import Item, RecordingSink, SimulationItem, SimulationState
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from adapters.recording import RunReader, read_history
+from adapters.recording import RunReader, missing_for_fork, read_history
 from adapters.recording.replay import replay
 from executive.commands import Command, Mode, MoveForward, ResumePlan
 from executive.commands.lifecycle import Duplicate
@@ -164,6 +164,9 @@ def test_a_recording_is_explained_and_its_commands_end_the_same(left: Path) -> N
     # With settings it is replayed to its end. Decisions may be better, or at another tick.
     reader = RunReader(path)
     assert any(reader.messages({LedgerBehind}))  # found by their numbers of polls
+    kinds = {message.topic.kind for message in reader.messages()}
+    lacks = [each.partition(" is missing: ")[0] for each in missing_for_fork(kinds)]
+    assert lacks == ["/sim/world", "/sim/state", "/sim/timeline"]
     recorded: ProcessStart = reader.decoded(next(reader.messages({ProcessStart})))
     replayed = replay(path, recorded.settings)
     assert replayed.whole
