@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from typing import Protocol
 
 from executive.commands import (
     PLAN_LINK,
@@ -203,16 +204,30 @@ class Goal:
         return isinstance(self.command.request, DriveFor)
 
 
+class StartRules(Protocol):
+    """Preconditions of goals."""
+
+    def must_wait(self, goal: Goal) -> bool:
+        """Return whether a goal must not start yet."""
+        ...
+
+    def check_start(self, goal: Goal) -> Refusal | None:
+        """Return why a goal that starts must not be executed, or None."""
+        ...
+
+
 class GoalQueue:
     """Goals of one branch of the tree in order of arrival; at most one is active.
 
     Attributes:
         blocked_by: why waiting goals may not start; None if they may.
         durable: number of the last batch that is committed.
+        start_rules: decide when a goal starts, and whether; None for no precondition.
     """
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
+        self.start_rules: StartRules | None = None
         self._waiting: deque[Goal] = deque()
         self.active: Goal | None = None
         self.blocked_by: Refusal | None = None
@@ -238,24 +253,29 @@ class GoalQueue:
         return goal
 
     def activate_next(self) -> Goal | None:
-        """Return the active goal, or start the next unexpired one."""
+        """Return the active goal, or start the next unexpired one that meets its precondition."""
         while (
             self.active is None
             and self._waiting
             and self._waiting[0].batch <= self.durable
             and self.blocked_by is None
         ):
-            goal = self._waiting.popleft()
+            goal, rules = self._waiting[0], self.start_rules
             waited_s = self._clock.now_s() - goal.arrived_s
             late = check_lifetime(goal.command, self._clock.utc_s(), goal.arrived_utc_s, waited_s)
+            if not late and rules is not None and rules.must_wait(goal):
+                break
+            self._waiting.popleft()
             if late:
                 goal.lifecycle.expire(late)
-            else:
-                goal.started_s = self._clock.now_s()
-                self.active = goal
-                if goal.statistics is not None:
-                    goal.statistics.begin()
-                goal.lifecycle.start()
+                continue
+            goal.started_s = self._clock.now_s()
+            self.active = goal
+            if goal.statistics is not None:
+                goal.statistics.begin()
+            goal.lifecycle.start()
+            if rules is not None and (refusal := rules.check_start(goal)) is not None:
+                self.fail_active(refusal)
         return self.active
 
     def set_durable(self, batch: int) -> bool:

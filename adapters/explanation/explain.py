@@ -34,6 +34,7 @@ _BRANCHES: Final = {
 }
 """Branch of the tree that executes the commands of a family."""
 _HOLDING: Final = {Mode.PAUSED, Mode.STOPPED, Mode.SAFE}
+_OF_MODE: Final = {Reason.WRONG_MODE, Reason.PRECONDITION_MODE}
 _NO_BEGIN: Final = {Reason.FAULT_CLEARED, Reason.POSE_UNCERTAIN}
 """Reasons of events that name a fault and are not its begin."""
 _UNCERTAINTY: Final = {each.name for each in Uncertainty().figures}
@@ -309,9 +310,12 @@ class _CommandExplainer:
     def _causes(self, end: Report) -> Iterator[ExplanationStep]:
         """Yield the cause of the end: the command that it names, or the mode of the rover."""
         if end.cause is not None and end.cause in self._histories:
-            yield from _received_text(self._histories[end.cause])
+            cause = self._histories[end.cause]
+            yield from _received_text(cause)
+            if end.reason is Reason.PRECONDITION_COMMAND and cause.end is not None:
+                yield ExplanationStep(cause.end.utc_s, _ending(cause))
         then = situation_at(self._history, end.utc_s)
-        if end.reason is Reason.WRONG_MODE and then is not None:
+        if end.reason in _OF_MODE and then is not None:
             yield ExplanationStep(then.utc_s, f"the rover was {_situation_text(then)}")
         if end.reason is Reason.POSE_UNCERTAIN:
             yield from _uncertain_since(self._history, end.utc_s)

@@ -1,7 +1,7 @@
 """`Dictionary` converts requests to MOPS messages and back, by `config/mops/dictionary.yaml`."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -17,7 +17,7 @@ from adapters.mops.codec import (
     require_within,
     values_of,
 )
-from executive.commands import Request, all_declarations
+from executive.commands import Precondition, Request, all_declarations
 from executive.settings import SettingsError, config_folder, read_yaml
 from executive.values.parameters import Parameter
 from executive.values.reports import Identity
@@ -117,7 +117,7 @@ _KINDS: Final[Mapping[str, type]] = {each.name: each.kind for each in all_declar
 
 @dataclass(frozen=True, slots=True)
 class CommandConditions:
-    """Authority, creation time and lifetime of a command, and whether a stop overtook it.
+    """Authority, times and precondition of a command, and whether a stop overtook it.
 
     Attributes:
         authority: epoch claimed by the sender.
@@ -125,12 +125,21 @@ class CommandConditions:
         lifetime_s: maximum time from the creation to the start, s.
         overtaken: whether a stop created later arrived earlier. The command is then not executed: a
             receiver without a record of it refuses it, all others repeat the last reply.
+        only_at, only_after, only_mode: values of its precondition on a link.
     """
 
     authority: int | None = None
     created_utc_s: float | None = None
     lifetime_s: float | None = None
     overtaken: bool | None = None
+    only_at: str | None = None
+    only_after: int | None = None
+    only_mode: str | None = None
+
+    @property
+    def precondition(self) -> Precondition | None:
+        """The precondition; None without one. ValueError if it cannot be read."""
+        return Precondition.from_wire(self.only_at, self.only_after, self.only_mode)
 
 
 UNCONDITIONAL: Final = CommandConditions()
@@ -195,7 +204,7 @@ class Dictionary:
             dest,
             entry.command,
             tuple(values_of(request)),
-            _trimmed(conditions),
+            _trim(values_of(conditions)),
             moe_inputs_id=identity.command_id,
         )
 
@@ -247,17 +256,21 @@ def conditions_of(command: Message) -> CommandConditions:
     found: CommandConditions = from_values(CommandConditions, (*command.outputs, *missing))
     require_within("authority", found.authority, 0, _MAX_EPOCH)
     require_within("created_utc_s", found.created_utc_s, 0, MAX_UTC_S)
+    try:
+        _ = found.precondition
+    except ValueError as fault:
+        raise MopsError(f"precondition: {fault}") from fault
     return found
 
 
 def mark_overtaken(command: Message) -> Message:
     """Return a copy of a command that is marked as overtaken by a stop."""
-    authority, created_utc_s, lifetime_s, *_ = *command.outputs, "", "", ""
-    return replace(command, outputs=(authority, created_utc_s, lifetime_s, str(True)))
+    authority, created_utc_s, lifetime_s, _, *only = *command.outputs, *[""] * 4
+    return replace(command, outputs=_trim((authority, created_utc_s, lifetime_s, str(True), *only)))
 
 
-def _trimmed(conditions: CommandConditions) -> tuple[str, ...]:
-    values = list(values_of(conditions))
+def _trim(values: Iterable[str]) -> tuple[str, ...]:
+    values = list(values)
     while values and not values[-1]:
         values.pop()
     return tuple(values)

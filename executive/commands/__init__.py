@@ -25,6 +25,8 @@ from executive.commands.declaration import declaration_of as declaration_of
 from executive.commands.declaration import record as record
 from executive.commands.formatting import argument_values as argument_values
 from executive.commands.formatting import request_text as request_text
+from executive.commands.precondition import OnlyAt as OnlyAt
+from executive.commands.precondition import Precondition as Precondition
 from executive.commands.segments import Arc as Arc
 from executive.commands.segments import Curve as Curve
 from executive.commands.segments import Line as Line

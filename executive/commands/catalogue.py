@@ -25,6 +25,7 @@ from executive.commands.declaration import (
     declaration_of,
     record,
 )
+from executive.commands.precondition import Precondition
 from executive.commands.segments import Arc, Line, Reference, Segment, Turn
 from executive.settings import Controller, TargetFrame
 from executive.values.geometry import Point, Pose, Velocity, wrap_rad
@@ -495,6 +496,7 @@ class Command:
         authority: the epoch of the authority that its sender claims; None for no claim.
         peer: name of the sender as authenticated by the link; None without authentication.
         overtaken: whether the link knows that a stop created after it has arrived.
+        precondition: further conditions of its execution; ignored for a stop.
     """
 
     identity: Identity
@@ -509,6 +511,7 @@ class Command:
     authority: int | None = None
     peer: str | None = None
     overtaken: bool = False
+    precondition: Precondition | None = None
 
     @property
     def name(self) -> str:

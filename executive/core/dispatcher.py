@@ -39,6 +39,7 @@ from executive.commands.lifecycle import (
 )
 from executive.core.authority import Authority
 from executive.core.pose_keeper import PoseKeeper
+from executive.core.preconditions import Preconditions
 from executive.core.reactions import Reactions
 from executive.core.ros_clients import RosClients
 from executive.goals import Context
@@ -89,6 +90,9 @@ class Dispatcher:
         self._notifications = notifications
         self._telemetry = telemetry
         self._planner = planner
+        self._preconditions = Preconditions(context, ledger)
+        for queue in context.goals:
+            queue.start_rules = self._preconditions
         self._search_turns = 0
         self.ros_clients = RosClients(context, authority, notifications)
 
@@ -190,14 +194,12 @@ class Dispatcher:
             queued=len(context.goals),
             utc_s=context.clock.utc_s(),
         )
+        if refusal is not None:
+            return refusal
+        start = self._expected_start_pose(command)
         return (
-            refusal
-            or check_pose(
-                command.request,
-                self._expected_start_pose(command),
-                context.status.uncertainty,
-                context.settings,
-            )
+            self._preconditions.check_arrival(command, start)
+            or check_pose(command.request, start, context.status.uncertainty, context.settings)
             or self._check_path(command)
             or self._check_state(command.request)
             or self._check_battery(command)

@@ -92,8 +92,10 @@ class LatchedFault:
 
 
 def digest(command: Command) -> bytes:
-    """Return a digest of the request, independent of link and time."""
+    """Return a digest of request and precondition, independent of link and time."""
     content = [type(command.request).__name__, _CONVERTER.unstructure(command.request)]
+    if command.precondition is not None and not isinstance(command.request, Stop):
+        content.append(command.precondition.wire_values)
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).digest()
 
 

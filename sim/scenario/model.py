@@ -7,7 +7,7 @@ may be written in degrees (`90deg`).
 from dataclasses import dataclass, field
 from enum import Enum, unique
 
-from executive.commands import Request, declaration_of
+from executive.commands import Mode, OnlyAt, Request, declaration_of
 from executive.settings import Settings, figure
 from sim.rover import World
 from sim.rover.body import MAX_CARGO_KG
@@ -48,6 +48,8 @@ class Send(Scheduled):
         link: link of the command; None is the link of the run.
         lifetime_s: seconds after which it must no longer start.
         replace: whether it replaces current and queued motion.
+        only_at, only_after, only_mode: its precondition: bounds of the pose as typed
+            (`3,2,0.5,90deg,10deg`), the label of another command, a mode.
     """
 
     command: Request
@@ -57,6 +59,9 @@ class Send(Scheduled):
     link: str | None = None
     lifetime_s: float | None = None
     replace: bool = False
+    only_at: OnlyAt | None = None
+    only_after: str | None = None
+    only_mode: Mode | None = None
 
     @property
     def name(self) -> str:

@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from executive.commands import (
     CommandDeclaration,
+    OnlyAt,
     PlanArgument,
     PlanDefinition,
     Request,
@@ -176,6 +177,7 @@ def _reader() -> StrictReader:
     reader = settings_reader(
         {
             StageTime: lambda raw: StageTime.parse(_text(raw, "")),
+            OnlyAt: lambda raw: OnlyAt.read(_text(raw, "")),
             Request: lambda raw: read_request(raw, reader),
             SimulatedFault: read_fault,
             type[SimulatedFault]: lambda raw: read_kind(raw).kind,
@@ -346,6 +348,8 @@ def check(scenario: Scenario) -> None:
         match item:
             case Repeat(repeat=label):
                 _require_label(label, commands, f"{path}.repeat")
+            case Send(only_after=str(label)):
+                _require_label(label, commands, f"{path}.only_after")
             case model.Inject(inject=fault) if why := unsupported_reason(type(fault), parts):
                 raise FormatError(f"{path}.inject", f"{why} ({scenario.settings.asset})")
             case of_commands.LifecycleExpectation(command=label):

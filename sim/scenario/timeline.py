@@ -3,7 +3,7 @@
 from dataclasses import replace
 from math import inf
 
-from executive.commands import Command, PreemptionPolicy
+from executive.commands import Command, Precondition, PreemptionPolicy
 from executive.values.reports import Identity
 from sim.scenario.model import Entry, Fix, Repeat, Scenario, Send
 from sim.scenario.record import ALMOST_S, Record
@@ -89,6 +89,12 @@ class CommandFactory:
             created_utc_s=utc_s,
             lifetime_s=None if entry.lifetime_s is None else entry.lifetime_s / self._speed,
             preemption=PreemptionPolicy.REPLACE if entry.replace else PreemptionPolicy.APPEND,
+            precondition=Precondition(
+                entry.only_at,
+                None if entry.only_after is None else self._numbers[entry.only_after],
+                entry.only_mode,
+            )
+            or None,
         )
         self._sent[entry.name] = command
         return entry.name, command

@@ -1,19 +1,29 @@
 from dataclasses import replace
 from math import inf, nan
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from adapters.mops import Message, MopsError, decode, encode, load_dictionary
+from adapters.mops import (
+    CommandConditions,
+    Message,
+    MopsError,
+    conditions_of,
+    decode,
+    encode,
+    load_dictionary,
+    mark_overtaken,
+)
 from executive.commands import (
     DeleteFile,
     ExecuteAction,
     FollowPath,
     MoveForward,
     MoveTo,
+    Precondition,
     Request,
     Stop,
     Waypoint,
@@ -22,6 +32,7 @@ from executive.commands import (
 from executive.settings import Controller, SettingsError
 from executive.values.parameters import Parameter
 from executive.values.reports import Identity
+from tests.support.preconditions import PRECONDITIONS
 
 DICTIONARY = load_dictionary()
 MOE = Identity("MOE", 7)
@@ -47,6 +58,25 @@ def test_every_request_survives_the_round_trip(request: Request) -> None:
         assume(not any(each in str(fault) for each in known))
         raise
     assert DICTIONARY.request(decode(octets)) == request
+
+
+@given(PRECONDITIONS, st.booleans())
+def test_conditions_survive_the_round_trip_and_a_mark(only: Precondition, timed: bool) -> None:
+    first = CommandConditions(3, 1.5e9, 60.0) if timed else CommandConditions()
+    at, after, mode = only.wire_values
+    made = replace(first, only_at=at, only_after=after, only_mode=mode)
+    message = decode(encode(DICTIONARY.command(MoveForward(1.0), MOE, "MOCUP", made)))
+    assert conditions_of(message) == made
+    assert conditions_of(message).precondition == (only or None)
+    marked = decode(encode(mark_overtaken(message)))
+    assert conditions_of(marked) == replace(made, overtaken=True)
+
+
+@pytest.mark.parametrize("only", [("1 2", None, None), (None, 0, None), (None, None, "IDL")])
+def test_a_precondition_that_cannot_be_read_is_refused(only: tuple[Any, Any, Any]) -> None:
+    made = CommandConditions(None, None, None, None, *only)
+    with pytest.raises(MopsError, match="precondition: "):
+        conditions_of(DICTIONARY.command(MoveForward(1.0), MOE, "MOCUP", made))
 
 
 @pytest.mark.parametrize(

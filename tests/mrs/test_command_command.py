@@ -18,6 +18,7 @@ from adapters.cli.main import main
 from adapters.mrs.cli.command_group import action
 from adapters.mrs.cli.sending import CommandSender
 from adapters.mrs.ground import MrsClient
+from adapters.mrs.ground.rover_consumer import RoverConsumer
 from adapters.mrs.ground.session import RoverSession
 from adapters.mrs.spec import AreaError
 from executive.commands import (
@@ -26,9 +27,12 @@ from executive.commands import (
     DriveFor,
     ExecuteAction,
     FollowPath,
+    Mode,
     MoveCameraAngles,
     MoveForward,
     MoveTo,
+    OnlyAt,
+    Precondition,
     PreemptionPolicy,
     Request,
     Resume,
@@ -140,6 +144,43 @@ def test_options_go_along(aboard: Aboard, taken: list[Command]) -> None:
     assert str(taken[0].identity) == "MOE-7:42"
     assert taken[0].lifetime_s == 8.64e9
     assert taken[0].preemption is PreemptionPolicy.REPLACE
+
+
+def test_a_precondition_goes_along(aboard: Aboard, taken: list[Command]) -> None:
+    only = ("--only-at", "3,2,50cm,90deg,10deg", "--only-after", "17", "--only-mode", "idle")
+    assert command(aboard, *only, "moveForward", "1", "--no-wait").exit_code == FAILED
+    at = OnlyAt(3.0, 2.0, 0.5, pi / 2, pi / 18)
+    assert [each.precondition for each in taken] == [Precondition(at, 17, Mode.IDLE)]
+    assert command(aboard, *only, "stop", "--no-wait").exit_code == DONE
+    assert taken[1].precondition is None
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "text"),
+    [
+        ("--only-at", "3,2", "write X,Y,WITHIN or X,Y,WITHIN,HEADING,WITHIN"),
+        ("--only-at", "3,2,1,90,10deg", "90 has no unit: write 90deg or 90rad"),
+        ("--only-at", "3,2,0", "a bound is not above zero"),
+        ("--only-after", "0", "0 is not in the range"),
+        ("--only-mode", "ASLEEP", "'ASLEEP' is not one of"),
+    ],
+)
+def test_a_precondition_that_cannot_be_read_is_not_sent(
+    aboard: Aboard, taken: list[Command], option: str, value: str, text: str
+) -> None:
+    result = command(aboard, option, value, "moveForward", "1")
+    assert (result.exit_code, taken) == (2, [])
+    assert text in " ".join(result.output.split())
+
+
+def test_a_rover_that_announces_no_preconditions_gets_none(
+    aboard: Aboard, taken: list[Command], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(RoverConsumer, "lists", lambda *_: False)
+    result = command(aboard, "--only-mode", "IDLE", "moveForward", "1")
+    assert (result.exit_code, taken) == (FAILED, [])
+    assert "does not support preconditions" in result.output
+    assert command(aboard, "--only-mode", "IDLE", "stop", "--no-wait").exit_code == DONE
 
 
 def test_each_operation_is_a_command_of_its_own(

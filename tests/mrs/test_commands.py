@@ -13,6 +13,8 @@ from executive.commands import (
     MoveCameraAngles,
     MoveForward,
     MoveTo,
+    OnlyAt,
+    Precondition,
     PreemptionPolicy,
     Request,
     Resume,
@@ -157,6 +159,19 @@ async def test_replaces_motion_if_the_supplement_requests_it(
         2: (Stage.CANCELLED, Reason.REPLACED),
         3: (Stage.EXECUTED, None),
     }
+
+
+async def test_a_lost_command_takes_the_relative_one_after_it_along(client: MrsClient) -> None:
+    assert await client.list_preconditions() == ("onlyAt", "onlyAfter", "onlyMode")
+    client.command(MoveForward(1.0), command_id=1)  # which is lost
+    at = Precondition(at=OnlyAt(1.0, 0.0, 0.3))
+    outcome = await client.run(client.command(RotateBy(1.0), command_id=2, precondition=at))
+    assert outcome.refusal is not None
+    assert "but 1.00 m away" in outcome.refusal.extra.value
+    after = client.command(RotateBy(1.0), command_id=3, precondition=Precondition(after=1))
+    outcome = await client.run(after)
+    assert outcome.refusal is not None
+    assert "MOE:1, which is not known aboard" in outcome.refusal.extra.value
 
 
 def test_unrequested_stages_are_not_reported(aboard: Aboard) -> None:

@@ -1,5 +1,6 @@
 """Core types to MRS values and back, without a socket."""
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import get_args
 
@@ -54,6 +55,7 @@ from executive.commands import (
 from executive.values import reports
 from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity
+from tests.support.preconditions import PRECONDITIONS
 from tests.support.timed_system import TimedSystem
 
 requests = st.one_of(*(st.from_type(kind) for kind in get_args(Request)))
@@ -69,6 +71,7 @@ commands_of_any_kind = st.builds(
     report_progress=st.booleans(),
     preemption=st.sampled_from(PreemptionPolicy),
     authority=st.none() | st.integers(1, (1 << 63) - 1),
+    precondition=PRECONDITIONS.map(lambda only: only or None),
 )
 
 
@@ -97,7 +100,9 @@ def test_a_declaration_that_is_not_the_operation_is_refused() -> None:
 def test_a_command_is_decoded_from_its_header(command: Command) -> None:
     header, supplements = header_of(command), supplements_of(command)
     if isinstance(command.request, Stop):  # to which neither says anything
-        command = replace(command, preemption=PreemptionPolicy.APPEND, authority=None)
+        command = replace(
+            command, preemption=PreemptionPolicy.APPEND, authority=None, precondition=None
+        )
     assert command_of(header, supplements, command.request) == command
 
 
@@ -130,6 +135,13 @@ def test_supplements_of_others_do_not_set_preemption() -> None:
         (NamedValue(name="authority", value=TypedAttribute(AttributeType.STRING, "7")),),
         (NamedValue(name="authority"),),
         (NamedValue(name="authority", value=TypedAttribute(AttributeType.LONG, 7)),) * 2,
+        (NamedValue(name="onlyAt", value=TypedAttribute(AttributeType.STRING, "1 2 0")),),
+        (NamedValue(name="onlyAt", value=TypedAttribute(AttributeType.IDENTIFIER, "1 2 3")),),
+        (NamedValue(name="onlyAt"),),
+        (NamedValue(name="onlyAfter", value=TypedAttribute(AttributeType.LONG, 7)),) * 2,
+        (NamedValue(name="onlyAfter", value=TypedAttribute(AttributeType.LONG, 0)),),
+        (NamedValue(name="onlyMode", value=TypedAttribute(AttributeType.IDENTIFIER, "idle")),),
+        (NamedValue(name="onlyMode", value=TypedAttribute(AttributeType.LONG, 1)),),
     ],
 )
 def test_an_ambiguous_supplement_is_invalid_but_does_not_prevent_a_stop(
@@ -138,7 +150,28 @@ def test_an_ambiguous_supplement_is_invalid_but_does_not_prevent_a_stop(
     with pytest.raises(MalError) as raised:
         command_of(HEADER, supplements, MoveForward(1.0))
     assert describe_error(raised.value).startswith(f"Invalid: supplement {supplements[0].name}: ")
-    assert command_of(HEADER, supplements, Stop()).preemption is PreemptionPolicy.APPEND
+    stop = command_of(HEADER, supplements, Stop())
+    assert (stop.preemption, stop.precondition) == (PreemptionPolicy.APPEND, None)
+
+
+@given(
+    st.sampled_from(("onlyAt", "onlyAfter", "onlyMode")),
+    st.builds(
+        TypedAttribute,
+        st.sampled_from((AttributeType.STRING, AttributeType.IDENTIFIER)),
+        st.text(max_size=30) | st.sampled_from(("1 2 3", "1 -2.5 1e-3 4 1", "IDLE")),
+    )
+    | st.builds(
+        TypedAttribute, st.just(AttributeType.LONG), st.integers(-(1 << 63), (1 << 63) - 1)
+    ),
+)
+def test_no_precondition_is_passed_over(name: str, value: TypedAttribute) -> None:
+    supplements = (NamedValue(name=name, value=value),)
+    with suppress(MalError):
+        found = command_of(HEADER, supplements, MoveForward(1.0))
+        assert found.precondition
+        (again,) = supplements_of(found)
+        assert again.name == name
 
 
 @pytest.mark.parametrize(

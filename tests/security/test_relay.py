@@ -13,7 +13,16 @@ from adapters.mops.codec import MAX_MESSAGE_OCTETS
 from adapters.mrs.ground import MrsClient
 from adapters.relay.orbiter.record import MAX_AUTHORITIES, RoverRecord
 from adapters.relay.rover.bridge import MAX_FUTURE_STOP_S, CreationTime, LastStop
-from executive.commands import Command, ExecuteAction, Mode, MoveForward, Resume, SetTravelSpeed
+from executive.commands import (
+    Command,
+    ExecuteAction,
+    Mode,
+    MoveForward,
+    OnlyAt,
+    Precondition,
+    Resume,
+    SetTravelSpeed,
+)
 from executive.commands.catalogue import Request, Stop
 from executive.settings import AuthoritySettings, load_settings
 from executive.values.clock import ManualClock
@@ -339,6 +348,30 @@ def test_aboard_a_command_of_the_relay_does_not_outlive_its_lifetime(tmp_path: P
         assert [r.reason for r in ends] == [None, Reason.EXPIRED, Reason.CREATED_IN_FUTURE]
 
 
+def test_a_command_of_the_relay_has_its_precondition_aboard(tmp_path: Path) -> None:
+    """One that cannot be read is refused; a stop acts with any."""
+    with RelayedBench(tmp_path) as bench:
+
+        def receive(request: Request, number: int, *only: str | int | None) -> None:
+            conditions = CommandConditions(None, None, None, None, *only)  # type: ignore[arg-type]
+            identity = Identity("MOE", number)
+            bench.receive(str(DICTIONARY.command(request, identity, "JACKAL", conditions)))
+
+        receive(MoveForward(1.0), 1, "1.0 0.0 0.3")
+        assert bench.last(1).reason is Reason.PRECONDITION_POSE
+        receive(MoveForward(1.0), 2, "0.0 0.0 0.3")
+        assert bench.finish(2) is Stage.EXECUTED
+        receive(MoveForward(1.0), 3, None, 1)
+        assert bench.last(3).reason is Reason.PRECONDITION_COMMAND
+        receive(MoveForward(1.0), 4, "here")
+        assert bench.stages(4) == []
+        assert "precondition: not X Y WITHIN" in str(bench.reported[-1])
+        receive(Stop(), 5, "9.0 9.0 0.1", 77, "IDLE")
+        assert bench.finish(5) is Stage.EXECUTED
+        receive(Stop(), 6, "here")
+        assert bench.finish(6) is Stage.EXECUTED
+
+
 async def test_the_orbiter_passes_on_creation_time_and_lifetime_of_a_command(
     tmp_path: Path,
 ) -> None:
@@ -353,3 +386,7 @@ async def test_the_orbiter_passes_on_creation_time_and_lifetime_of_a_command(
         assert later.expires_utc_s <= Clock().utc_s() + 30.0
         await until(lambda: len(far.commands) == 2)
         assert conditions_of(far.commands[0]) == CommandConditions(None, made_s, 30.0)
+        only, identity = Precondition(OnlyAt(3.0, 2.0, 0.5), 1, Mode.IDLE), Identity("MOE", 3)
+        await rover.submit(Command(identity, MoveForward(1.0), "direct", precondition=only))
+        await until(lambda: len(far.commands) == 3)
+        assert conditions_of(far.commands[2]).precondition == only

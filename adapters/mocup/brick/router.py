@@ -325,6 +325,10 @@ class Router:
         except MopsError as error:
             self._reject(BrickLink.RELAY, command, str(error))
             return False
+        if conditions.precondition is not None:
+            text = "the brick checks no preconditions: leave them out, or use the direct link"
+            self._reject(BrickLink.RELAY, command, text, Reason.NOT_SUPPORTED)
+            return False
         claimed = conditions.authority
         fault = self._authority.refusal_text(command.source, claimed)
         if fault:

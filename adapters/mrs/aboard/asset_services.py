@@ -13,10 +13,12 @@ from adapters.mrs.aboard.gateway import CoreGateway
 from adapters.mrs.aboard.served_operations import PeerRateLimiter, ServedOperations
 from adapters.mrs.spec import (
     DEFINED,
+    LIST_PRECONDITIONS,
     MAX_FIGURES,
     MAX_SOURCE_LENGTH,
     MAX_TEXT_LENGTH,
     NUMBER_TYPES,
+    PRECONDITIONS,
     REQUESTS,
     AreaError,
     CommandHeader,
@@ -99,6 +101,8 @@ def serve_commands(
 ) -> None:
     """Serve the operations of `REQUESTS`; each is acknowledged when the intake accepts it.
 
+    `Status.listPreconditions` announces that their preconditions are obeyed.
+
     This is the path of a stop. Between the octets and the core's inbox a message is only decoded,
     and one command and one future are created.
 
@@ -107,6 +111,8 @@ def serve_commands(
     for (service, operation), make in REQUESTS.items():
         if known(service, operation):
             served.serve(service, operation, partial(_submit, served, intake, make))
+    if known(*LIST_PRECONDITIONS):
+        served.serve(*LIST_PRECONDITIONS, lambda _: (tuple(PRECONDITIONS),))
 
 
 def _submit(

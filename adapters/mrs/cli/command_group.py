@@ -23,6 +23,9 @@ from executive.commands import (
     CommandDeclaration,
     ExecuteAction,
     Family,
+    Mode,
+    OnlyAt,
+    Precondition,
     PreemptionPolicy,
     Request,
     Waypoint,
@@ -124,6 +127,19 @@ def _names(parameters: list[click.Parameter]) -> set[str]:
     return {name for each in parameters if isinstance(each, click.Option) for name in each.opts}
 
 
+class OnlyAtType(click.ParamType[OnlyAt]):
+    """`X,Y,WITHIN` or `X,Y,WITHIN,HEADING,WITHIN`."""
+
+    name = "place"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return an `OnlyAt`."""
+        try:
+            return value if isinstance(value, OnlyAt) else OnlyAt.read(str(value))
+        except ValueError as error:
+            self.fail(str(error), param, ctx)
+
+
 def _positive(_: click.Context, __: click.Parameter, seconds: float | None) -> float | None:
     if seconds is not None and not seconds > 0.0:
         raise click.BadParameter(f"{seconds:g} is not a lifetime: give seconds above 0")
@@ -198,6 +214,23 @@ def _refuse_asset(ctx: click.Context, _: click.Parameter, name: str | None) -> N
     help="Lifetime from now, after which it must not start: 30, 30s or 10min.",
 )
 @click.option(
+    "--only-at",
+    type=OnlyAtType(),
+    metavar="X,Y,WITHIN[,HEADING,WITHIN]",
+    help="Refuse it unless the rover is there at its start: 3,2,0.5 or 3,2,0.5,90deg,10deg.",
+)
+@click.option(
+    "--only-after",
+    type=click.IntRange(1, MAX_ID),
+    metavar="NUMBER",
+    help="Refuse it unless this command of the same source has been EXECUTED.",
+)
+@click.option(
+    "--only-mode",
+    type=click.Choice(tuple(Mode.__members__), case_sensitive=False),
+    help="Refuse it unless the rover is in this mode.",
+)
+@click.option(
     "--authority",
     type=click.IntRange(1, MAX_ID),
     metavar="EPOCH",
@@ -215,6 +248,9 @@ def _sender(
     source: str | None,
     command_id: int | None,
     lifetime_s: float | None,
+    only_at: OnlyAt | None,
+    only_after: int | None,
+    only_mode: str | None,
     authority: int | None,
     no_wait: bool,
     as_json: bool,
@@ -222,7 +258,11 @@ def _sender(
     """Return the sender of a command, from the options of `rover command`."""
     from adapters.mrs.cli.sending import CommandSender
 
-    return CommandSender(to, source, command_id, lifetime_s, authority, not no_wait, as_json)
+    mode = None if only_mode is None else Mode[only_mode]
+    only = Precondition(only_at, only_after, mode)
+    return CommandSender(
+        to, source, command_id, lifetime_s, authority, not no_wait, as_json, only or None
+    )
 
 
 SENDING_OPTIONS: Final = tuple(click.command()(_sender).params)

@@ -21,7 +21,15 @@ from adapters.mrs.spec import (
     lost_command,
     notification_of,
 )
-from executive.commands import Command, PreemptionPolicy, Request, Resume, ResumePlan, Stop
+from executive.commands import (
+    Command,
+    Precondition,
+    PreemptionPolicy,
+    Request,
+    Resume,
+    ResumePlan,
+    Stop,
+)
 from executive.values.quantities import quantity_text
 from executive.values.reasons import PREDICTED
 from executive.values.reports import TERMINAL, Report, Stage
@@ -37,6 +45,7 @@ class CommandSender:
         command_id: the number to use; None for a new one.
         authority: the epoch to claim, e.g. of an orbiter; None for this source's own.
         wait, as_json: whether to wait for its end, and to print reports as JSON.
+        precondition: condition of its execution; None for none.
     """
 
     to: RoverTarget
@@ -46,6 +55,7 @@ class CommandSender:
     authority: int | None = None
     wait: bool = True
     as_json: bool = False
+    precondition: Precondition | None = None
 
     def send(
         self, request: Request, preemption: PreemptionPolicy = PreemptionPolicy.APPEND
@@ -78,6 +88,7 @@ class CommandSender:
                 command_id=self.command_id,
                 lifetime_s=self.lifetime_s,
                 preemption=preemption,
+                precondition=self.precondition,
             )
             source, number = command.identity.source, command.identity.command_id
             self._print(

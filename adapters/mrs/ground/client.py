@@ -22,6 +22,7 @@ from adapters.mrs.ground.session import (
 from adapters.mrs.ground.streams import NotificationStream, Stream, Streams, TreeUpdates, Updates
 from adapters.mrs.spec import (
     LINK,
+    LIST_PRECONDITIONS,
     AreaError,
     AuthorityStatus,
     FileInfo,
@@ -37,7 +38,7 @@ from adapters.mrs.spec import (
 )
 from adapters.mrs.transport import CLEAR, TransportSettings
 from adapters.system import OPERATING_SYSTEM, System, utc_ns
-from executive.commands import Command, PreemptionPolicy, Request
+from executive.commands import Command, Precondition, PreemptionPolicy, Request, Stop
 from executive.values.reports import Identity, PlanUpdate
 
 if TYPE_CHECKING:
@@ -187,6 +188,7 @@ class MrsClient(Queries):
         lifetime_s: float | None = None,
         preemption: PreemptionPolicy = PreemptionPolicy.APPEND,
         authority: int | None = None,
+        precondition: Precondition | None = None,
     ) -> Command:
         """Return a new command, created now.
 
@@ -197,6 +199,7 @@ class MrsClient(Queries):
             lifetime_s: maximum age at its start; None for no limit.
             preemption: its effect on active motion.
             authority: the epoch that it claims; None for that of this session.
+            precondition: conditions of its execution; ignored for a stop.
         """
         number = self._numbers.next_id() if command_id is None else command_id
         return Command(
@@ -207,6 +210,7 @@ class MrsClient(Queries):
             lifetime_s=lifetime_s,
             preemption=preemption,
             authority=self.authority.epoch if authority is None else authority,
+            precondition=None if isinstance(request, Stop) else precondition,
         )
 
     async def run(
@@ -251,10 +255,13 @@ class MrsClient(Queries):
 
         If the link is lost before the answer, it is resent: the rover executes it at most once.
         After `MAX_ATTEMPTS` losses the command itself is the likely cause: it is too long.
+        A command with a precondition is sent only to an asset that announces support.
         """
         call = invocation(command.request)
         for attempt in range(MAX_ATTEMPTS):
             consumer = await self._session.consumer()
+            if command.precondition and not consumer.lists(*LIST_PRECONDITIONS):
+                raise NotServedError(f"{self._session.uri} does not support preconditions")
             try:
                 await consumer.submit(
                     call.service,

@@ -177,6 +177,11 @@ class RoverConsumer:
         if listed.get(service) and number not in listed[service]:
             raise NotServedError(f"{self._uri} does not serve {service}.{operation}")
 
+    def lists(self, service: str, operation: str) -> bool:
+        """Whether the directory lists an operation; a directory without entries does not."""
+        number = mrs_specification().operation(service, operation).number
+        return number in self._locations.listed.get(service, ())
+
     async def submit(
         self, service: str, operation: str, *parts: Any, supplements: tuple[NamedValue, ...] = ()
     ) -> None:

@@ -3,6 +3,14 @@
 It opens no connection. `tree_updates` needs `trees`, so it is imported only where it is used.
 """
 
+from adapters.mrs.spec.command_headers import LINK as LINK
+from adapters.mrs.spec.command_headers import LIST_PRECONDITIONS as LIST_PRECONDITIONS
+from adapters.mrs.spec.command_headers import PRECONDITIONS as PRECONDITIONS
+from adapters.mrs.spec.command_headers import command_of as command_of
+from adapters.mrs.spec.command_headers import frame_supplements as frame_supplements
+from adapters.mrs.spec.command_headers import framed as framed
+from adapters.mrs.spec.command_headers import header_of as header_of
+from adapters.mrs.spec.command_headers import supplements_of as supplements_of
 from adapters.mrs.spec.core_values import ReceivedReport as ReceivedReport
 from adapters.mrs.spec.core_values import ReceivedValue as ReceivedValue
 from adapters.mrs.spec.core_values import forwarded_command as forwarded_command
@@ -47,21 +55,16 @@ from adapters.mrs.spec.housekeeping import reported_uncertainty as reported_unce
 from adapters.mrs.spec.housekeeping import uncertainty_figures as uncertainty_figures
 from adapters.mrs.spec.housekeeping import usage_figures as usage_figures
 from adapters.mrs.spec.mapping import DEFINED as DEFINED
-from adapters.mrs.spec.mapping import LINK as LINK
 from adapters.mrs.spec.mapping import MAX_FIGURES as MAX_FIGURES
 from adapters.mrs.spec.mapping import MAX_NAME_LENGTH as MAX_NAME_LENGTH
 from adapters.mrs.spec.mapping import MAX_SOURCE_LENGTH as MAX_SOURCE_LENGTH
 from adapters.mrs.spec.mapping import MAX_TEXT_LENGTH as MAX_TEXT_LENGTH
 from adapters.mrs.spec.mapping import NUMBER_TYPES as NUMBER_TYPES
 from adapters.mrs.spec.mapping import REQUESTS as REQUESTS
-from adapters.mrs.spec.mapping import command_of as command_of
 from adapters.mrs.spec.mapping import definition_of as definition_of
 from adapters.mrs.spec.mapping import figure_value as figure_value
 from adapters.mrs.spec.mapping import figure_values as figure_values
 from adapters.mrs.spec.mapping import figures as figures
-from adapters.mrs.spec.mapping import frame_supplements as frame_supplements
-from adapters.mrs.spec.mapping import framed as framed
-from adapters.mrs.spec.mapping import header_of as header_of
 from adapters.mrs.spec.mapping import invocation as invocation
 from adapters.mrs.spec.mapping import is_valid_name as is_valid_name
 from adapters.mrs.spec.mapping import is_valid_notification as is_valid_notification
@@ -71,7 +74,6 @@ from adapters.mrs.spec.mapping import notification_of as notification_of
 from adapters.mrs.spec.mapping import parameter_value as parameter_value
 from adapters.mrs.spec.mapping import pose as pose
 from adapters.mrs.spec.mapping import speeds as speeds
-from adapters.mrs.spec.mapping import supplements_of as supplements_of
 from adapters.mrs.spec.mapping import to_ns as to_ns
 from adapters.mrs.spec.mapping import wire_definition as wire_definition
 from adapters.mrs.spec.mapping import wire_update as wire_update

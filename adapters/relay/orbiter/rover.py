@@ -41,7 +41,13 @@ from adapters.mops import (
     questions_of,
     report_of,
 )
-from adapters.mrs.spec import AreaError, duplicate_error, refusal_error, with_text
+from adapters.mrs.spec import (
+    LIST_PRECONDITIONS,
+    AreaError,
+    duplicate_error,
+    refusal_error,
+    with_text,
+)
 from adapters.relay.orbiter.record import RoverRecord
 from adapters.relay.orbiter.report_ledger import (
     LOSS_BY_STATUS,
@@ -49,7 +55,7 @@ from adapters.relay.orbiter.report_ledger import (
     with_implied_stages,
 )
 from adapters.relay.orbiter.settings import RelayedRoverSettings
-from executive.commands import Command, Mode, PreemptionPolicy, Stop
+from executive.commands import Command, Mode, Precondition, PreemptionPolicy, Stop
 from executive.commands.intake import check_identity, check_lifetime
 from executive.record import LedgerError, digest
 from executive.values.parameters import Parameter, ParameterValue
@@ -406,6 +412,9 @@ class RelayedRover:
         """Return a command as octets; raise MalError if it cannot be uplinked."""
         if command.preemption is not PreemptionPolicy.APPEND:
             raise with_text(AreaError.NOT_SUPPORTED, "commands through the relay are only queued")
+        if command.precondition and not self.settings.serves(*LIST_PRECONDITIONS):
+            text = f"{self.settings.asset} supports no preconditions over the relay"
+            raise with_text(AreaError.NOT_SUPPORTED, text)
         try:
             message = self._dictionary.command(
                 command.request, command.identity, self._name, self._conditions(command)
@@ -422,10 +431,11 @@ class RelayedRover:
         authority = command.authority
         if authority is None:
             authority = self.record.authority(command.identity.source)
+        only = (command.precondition or Precondition()).wire_values
         if command.lifetime_s is None:
-            return CommandConditions(authority)
+            return CommandConditions(authority, None, None, None, *only)
         created_s = self._utc_s() if command.created_utc_s is None else command.created_utc_s
-        return CommandConditions(authority, created_s, command.lifetime_s)
+        return CommandConditions(authority, created_s, command.lifetime_s, None, *only)
 
     def _remaining_lifetime_s(self, command: Command) -> float | None:
         """Return the remaining lifetime of a command, at most its full one; None for default."""

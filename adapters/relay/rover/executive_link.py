@@ -340,6 +340,7 @@ class ExecutiveRelayLink:
             message.moe_inputs_counter,
             authority=conditions.authority,
             overtaken=bool(conditions.overtaken),
+            precondition=None if isinstance(request, Stop) else conditions.precondition,
         )
 
     def _remember(self, command: Command, code: int) -> None:

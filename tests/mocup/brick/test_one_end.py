@@ -78,6 +78,17 @@ def test_a_command_created_ahead_of_the_clock_is_refused_also_later(bench: Bench
     assert bench.ports.brick == []
 
 
+def test_a_precondition_is_refused_and_never_passed_over(bench: Bench) -> None:
+    for number, only in enumerate(("0.0 0.0 1.0", "here"), 1):
+        conditions = CommandConditions(only_at=only)
+        request = DICTIONARY.request(forward(1))
+        command = DICTIONARY.command(request, Identity("MOE", number), "MOCUP", conditions)
+        bench.command(BrickLink.RELAY, command)
+        assert bench.ports.notified[-1][1].moe_inputs_id == number
+    assert ends(bench) == ["REJECTED"]
+    assert bench.ports.brick == []
+
+
 def test_an_executed_stop_remains_executed_when_repeated(bench: Bench) -> None:
     bench.command(BrickLink.RELAY, stop(1))
     bench.sends(executed(stop(1)))

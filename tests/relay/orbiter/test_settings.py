@@ -8,7 +8,15 @@ from adapters.mal import MalError
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import describe_error
 from adapters.relay.orbiter import load_orbiter
-from executive.commands.catalogue import ExecuteAction, MoveForward, Request, Resume, TakePicture
+from executive.commands import (
+    ExecuteAction,
+    Mode,
+    MoveForward,
+    Precondition,
+    Request,
+    Resume,
+    TakePicture,
+)
 from executive.settings import SettingsError, config_folder
 from tests.relay.orbiter.sky import Sky, ground, landed, orbiting
 
@@ -77,6 +85,11 @@ async def test_a_brick_is_offered_its_known_operations(tmp_path: Path) -> None:
             assert "does not serve" in await refusal(client, request)
         text = await refusal(client, ExecuteAction("VIDEO ON"))
         assert text.startswith("NotSupported: the rover has no actions; the orbiter has")
+        only = client.command(MoveForward(1.0), precondition=Precondition(mode=Mode.IDLE))
+        with pytest.raises(MalError, match="does not support preconditions"):
+            await client.submit(only)
+        with pytest.raises(MalError, match="mocup supports no preconditions over the relay"):
+            await next(iter(relay.rovers.values())).submit(only)
         assert (await client.run(client.command(ExecuteAction("contact up")))).executed
         assert (await client.run(client.command(MoveForward(1.0)))).executed
         assert [message.command for message in far.commands] == ["MOVE_FORWARD"]

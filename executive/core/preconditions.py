@@ -1,0 +1,172 @@
+"""`Preconditions` checks the precondition of a command on its arrival and at its start."""
+
+from contextlib import suppress
+
+from executive.commands import (
+    CameraWork,
+    Command,
+    InstantCommand,
+    Mode,
+    Motion,
+    OnlyAt,
+    Precondition,
+    PreemptionPolicy,
+    Stop,
+)
+from executive.commands.intake import check_localized
+from executive.goals import Context, Goal
+from executive.record import Ledger, LedgerError
+from executive.values.geometry import Point, Pose, wrap_rad
+from executive.values.quantities import angle_text
+from executive.values.reasons import Figure, Identity, Reason, Refusal
+from executive.values.reports import Stage
+
+_BY_MOTION = frozenset({Mode.IDLE, Mode.MOVING, Mode.TELEOP})
+"""Modes that differ by the motion goals only."""
+
+
+class Preconditions:
+    """Compares preconditions with the pose, the ledger and the mode.
+
+    Args:
+        context: the state of the asset.
+        ledger: the ends of earlier commands.
+    """
+
+    def __init__(self, context: Context, ledger: Ledger) -> None:
+        self._context, self._ledger = context, ledger
+
+    def check_arrival(self, command: Command, start: Pose) -> Refusal | None:
+        """Return a refusal of a command on its arrival, or None.
+
+        Args:
+            command: any command; a stop is never refused.
+            start: where the motions before it end.
+        """
+        only = command.precondition
+        if only is None or isinstance(command.request, Stop):
+            return None
+        waits = self._may_wait(command)
+        if refusal := self._check_after(command, waits):
+            return refusal
+        if only.mode is not None and self._context.mode is not only.mode:
+            return self._wrong_mode(only.mode)
+        if isinstance(command.request, Motion):
+            return self._check_pose(only, start)
+        return None if waits else self._check_pose(only, self._context.status.pose)
+
+    def must_wait(self, goal: Goal) -> bool:
+        """Return whether the command that a goal must follow has not ended yet."""
+        only = goal.command.precondition
+        return only is not None and only.after is not None and self._is_pending(goal.command)
+
+    def check_start(self, goal: Goal) -> Refusal | None:
+        """Return a refusal of a goal at its start, or None.
+
+        Its own motion decides between IDLE and MOVING by now: on arrival those were compared.
+        """
+        only, mode = goal.command.precondition, self._context.mode
+        if only is None:
+            return None
+        if refusal := self._check_after(goal.command, waits=False):
+            return refusal
+        by_motion = isinstance(goal.request, Motion) and {only.mode, mode} <= _BY_MOTION
+        if only.mode is not None and mode is not only.mode and not by_motion:
+            return self._wrong_mode(only.mode)
+        return self._check_pose(only, self._context.status.pose)
+
+    def _may_wait(self, command: Command) -> bool:
+        """Return whether a command waits in a queue until the command that it must follow ends."""
+        queued = isinstance(command.request, Motion | CameraWork | InstantCommand)
+        if not queued or not self._is_pending(command):
+            return False
+        ahead = _predecessor(command)
+        replaces = command.preemption is PreemptionPolicy.REPLACE
+        motions = self._context.goals.motion
+        return not (replaces and any(each.command.identity == ahead for each in motions))
+
+    def _is_pending(self, command: Command) -> bool:
+        stage = self._stage_before(command)
+        return stage is not None and not stage.terminal
+
+    def _stage_before(self, command: Command) -> Stage | None:
+        """Return the stage of the command that a command must follow; None if it is unknown."""
+        ahead = _predecessor(command)
+        if ahead is None or ahead == command.identity:
+            return None
+        with suppress(LedgerError):  # the core reports it; the command is refused
+            last = self._ledger.last_report(ahead)
+            return None if last is None else last.stage
+        return None
+
+    def _check_after(self, command: Command, waits: bool) -> Refusal | None:
+        ahead = _predecessor(command)
+        if ahead is None or waits:
+            return None
+        stage = self._stage_before(command)
+        if stage is Stage.EXECUTED:
+            return None
+        found = "is not known aboard" if stage is None else f"is {stage.name}, not EXECUTED"
+        return Refusal(
+            Reason.PRECONDITION_COMMAND,
+            f"only after {ahead}, which {found}",
+            (Figure("command", ahead.command_id),),
+            cause=None if stage is None else ahead,
+        )
+
+    def _wrong_mode(self, required: Mode) -> Refusal:
+        text = f"only in mode {required.name}, but the mode is {self._context.mode.name}"
+        return Refusal(Reason.PRECONDITION_MODE, text)
+
+    def _check_pose(self, only: Precondition, pose: Pose) -> Refusal | None:
+        """Return a refusal if a pose, with its uncertainty, is not within the bounds, or None."""
+        if only.at is None:
+            return None
+        status = self._context.status
+        if refusal := check_localized(status, self._context.settings):
+            return refusal
+        uncertainty, driven_m = status.uncertainty, status.pose.point.distance_m(pose.point)
+        unsure_m = uncertainty.position_at_m(driven_m) if uncertainty else 0.0
+        unsure_rad = uncertainty.heading_rad if uncertainty else 0.0
+        return _outside(only.at, pose, unsure_m, unsure_rad)
+
+
+def _predecessor(command: Command) -> Identity | None:
+    only = command.precondition
+    if only is None or only.after is None:
+        return None
+    return Identity(command.identity.source, only.after)
+
+
+def _outside(at: OnlyAt, pose: Pose, unsure_m: float, unsure_rad: float) -> Refusal | None:
+    """Return a refusal if an uncertain pose may be outside the bounds, or None."""
+    distance_m = pose.point.distance_m(Point(at.x_m, at.y_m))
+    figures: tuple[Figure, ...] = (
+        Figure("x", pose.x_m, "m"),
+        Figure("y", pose.y_m, "m"),
+        Figure("distance", distance_m, "m"),
+        Figure("bound", at.within_m, "m"),
+    )
+    texts = []
+    if distance_m + unsure_m > at.within_m:
+        texts.append(f"{distance_m:.2f} m away{_or_more(f'{unsure_m:.2f} m', unsure_m)}")
+    if at.heading_rad is not None and at.heading_within_rad is not None:
+        off_rad = abs(wrap_rad(pose.heading_rad - at.heading_rad))
+        figures += (
+            Figure("heading", pose.heading_rad, "rad"),
+            Figure("heading difference", off_rad, "rad"),
+            Figure("heading bound", at.heading_within_rad, "rad"),
+        )
+        if off_rad + unsure_rad > at.heading_within_rad:
+            turned = f"turned by {angle_text(off_rad)}"
+            texts.append(f"{turned}{_or_more(angle_text(unsure_rad), unsure_rad)}")
+    if not texts:
+        return None
+    if unsure_m or unsure_rad:
+        unsure = ("position uncertainty", unsure_m, "m"), ("heading uncertainty", unsure_rad, "rad")
+        figures += tuple(Figure(*each) for each in unsure)
+    return Refusal(Reason.PRECONDITION_POSE, f"only {at}, but {' and '.join(texts)}", figures)
+
+
+def _or_more(unsure: str, value: float) -> str:
+    return f" (uncertain by {unsure})" if value else ""
