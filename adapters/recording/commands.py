@@ -1,5 +1,6 @@
 """The command `rover replay`: checks that the core decides as it did in a recorded run."""
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -21,7 +22,12 @@ BAD_FILE: Final = 2
     metavar="ASSET",
     help="Replay with the settings of this asset or YAML file, and list the reports that differ.",
 )
-def replay(files: tuple[str, ...], settings: str | None) -> None:
+@click.option("--markdown", is_flag=True, help="Print a table, as for a folder, also for files.")
+@click.option("--json", "as_json", is_flag=True, help="Print the table as JSON.")
+@click.option("--jobs", type=click.IntRange(1), help="Number of processes.  [default: all cores]")
+def replay(
+    files: tuple[str, ...], settings: str | None, markdown: bool, as_json: bool, jobs: int | None
+) -> None:
     """Replay recorded runs through the core, and compare its decisions.
 
     The core receives the same inputs at the same times as in the run: settings, ledger, facts,
@@ -30,7 +36,8 @@ def replay(files: tuple[str, ...], settings: str | None) -> None:
     the recording.
 
     `rover scenario FILE --out DIR` records runs. Replay them after a change of the code: the
-    differences are its effects. For a folder all recordings in it are replayed.
+    differences are its effects. For a folder all recordings in it are replayed, in parallel, and
+    grouped by their first different decision: a table in Markdown.
 
     \b
     Examples:
@@ -38,12 +45,13 @@ def replay(files: tuple[str, ...], settings: str | None) -> None:
       rover replay runs
       rover replay run.mcap --with jackal
       rover replay run.mcap --with changed.yaml
+      rover replay runs --with changed.yaml --json
 
     \b
     Exit status:
       0  all decisions are the same
       1  a decision differs
-      2  a file is not a recording
+      2  a file is not a recording, or of another asset; the others are replayed
     """
     from adapters.recording.container import RecordingError
     from adapters.recording.replay import replay as play
@@ -53,8 +61,14 @@ def replay(files: tuple[str, ...], settings: str | None) -> None:
         others = None if settings is None else load_settings(settings)
     except SettingsError as error:
         raise click.UsageError(str(error)) from error
-    statuses = []
-    for path in _recordings(files):
+    recordings, statuses = _recordings(files), []
+    if markdown or as_json or any(map(Path.is_dir, map(Path, files))):
+        from adapters.recording.regressions import compare
+
+        found = compare(recordings, others, jobs)
+        click.echo(json.dumps(found.document()) if as_json else found.markdown())
+        raise SystemExit(BAD_FILE if found.unusable else DIFFERS if found.groups else SAME)
+    for path in recordings:
         try:
             replayed = play(path, others)
         except RecordingError as error:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from adapters.recording.container import RecordingError
+from adapters.recording.first_decision import DecisionComparison, FirstDecision, report_text
 from adapters.recording.messages import START, topic_of
 from adapters.recording.replayed import RecordedEntry, ReplayedCore, read_entries
 from adapters.recording.run_file import RecordedMessage, RunReader
@@ -21,7 +22,7 @@ from executive.core.recording import (
     TreeNodeState,
 )
 from executive.settings import Settings
-from executive.values.reports import Report
+from executive.values.reports import Identity, Report
 from trees import RoverTree, TreeNodeSnapshot
 
 NOTHING: Final = "nothing"
@@ -113,6 +114,7 @@ class ReplayResult:
         whole: whether the recording was closed properly.
         difference: the first difference, or None.
         reports: reports that differ, if other settings were given.
+        decision: the first different decision without its figures, if it was to be found.
     """
 
     starts: int
@@ -123,15 +125,17 @@ class ReplayResult:
     whole: bool
     difference: Difference | None
     reports: tuple[ChangedReport, ...]
+    decision: FirstDecision | None = None
 
 
-def replay(path: Path, settings: Settings | None = None) -> ReplayResult:
+def replay(path: Path, settings: Settings | None = None, to_decision: bool = False) -> ReplayResult:
     """Replay a recording up to the first difference.
 
     Args:
         path: first file of the recording.
         settings: settings to replace those of the run. The replay then continues to the end,
             although recorded sensors do not follow commands that differ.
+        to_decision: whether to end at the first difference that is more than texts or figures.
 
     Raises:
         RecordingError: the file cannot be used as a recording, or is of another asset.
@@ -141,6 +145,7 @@ def replay(path: Path, settings: Settings | None = None) -> ReplayResult:
     began_s = time_s = 0.0
     difference = None
     reports: list[ChangedReport] = []
+    comparison = DecisionComparison(reader.decoded)
     with tempfile.TemporaryDirectory(prefix="rover-replay-") as folder:
         core = None
         for each in read_entries(reader):
@@ -165,15 +170,39 @@ def replay(path: Path, settings: Settings | None = None) -> ReplayResult:
                 reports += _other_reports(reader, each.decisions, core.decisions, time_s)
             if difference is None:
                 difference = core.difference(each, entries, time_s)
-            if core.raised or (difference is not None and settings is None):
+            if to_decision:
+                comparison.add(
+                    each.inputs, each.decisions, core.decisions, entries, time_s, core.raised
+                )
+            is_last = difference is not None and settings is None and not to_decision
+            if core.raised or is_last or comparison.ended:
                 break
         if core is not None:
             core.end()
     if histories == 0:
         raise RecordingError(f"{path}: contains no run")
     return ReplayResult(
-        histories, entries, ticks, decisions, time_s, reader.whole, difference, tuple(reports)
+        histories,
+        entries,
+        ticks,
+        decisions,
+        time_s,
+        reader.whole or comparison.ended,
+        difference,
+        tuple(reports),
+        comparison.first(_ends(path) if difference else {}),
     )
+
+
+def _ends(path: Path) -> dict[Identity, str]:
+    """Return the recorded end of each command."""
+    reader = RunReader(path)
+    sent = (reader.decoded(each).report for each in reader.messages({ReportSent}))
+    return {
+        report.identity: report_text(report)
+        for report in sent
+        if report.identity is not None and report.stage is not None and report.stage.terminal
+    }
 
 
 def _with(lifecycle: ProcessStart, settings: Settings | None, path: Path) -> ProcessStart:
