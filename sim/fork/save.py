@@ -1,0 +1,223 @@
+"""`save`: the minimal change that makes a failed run succeed, confirmed with other noise.
+
+Limits are tried at their extreme values first: if these do not save the run, nearer ones do not.
+If the fork without a change differs from the recording, a fault is unknown: hypotheses are ranked,
+and the run is saved under the best one if that explains it.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from math import ceil
+from typing import Final, TypeVar
+
+from executive.commands import Request, declaration_of
+from executive.history import CommandHistory
+from executive.settings import Settings
+from executive.values.reports import Identity, Report, Stage
+from sim.fork.candidates import (
+    FACTORS,
+    Adjustable,
+    Candidate,
+    arguments_of,
+    candidate,
+    candidates,
+    controllers_for,
+    limits_of,
+    speeds_of,
+)
+from sim.fork.model import Change
+from sim.scenario.record import Record
+from sim.scenario.truth import check_executed_truth
+
+T = TypeVar("T")
+SHOWN: Final = 5
+"""Number of hypotheses that are shown; chosen."""
+MAX_TOGETHER: Final = 3
+"""Maximum number of limits that are changed together; chosen."""
+AT_ONCE: Final = 4
+"""Number of candidates that are tried at once; chosen."""
+CONFIRMED: Final = 0.75
+"""Minimum share of the seeds that a change saves; chosen."""
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """Whether a run with a change is saved.
+
+    Attributes:
+        text: why not; empty if it is.
+        end: last report of the command; None without one.
+    """
+
+    text: str
+    end: Report | None
+
+    @property
+    def saved(self) -> bool:
+        """Whether the command succeeded, and nothing else became worse."""
+        return not self.text
+
+
+Trial = tuple[Change, int | None]
+"""A change, and a seed of the noise; None for the recorded noise."""
+Play = Callable[[Sequence[Trial]], Sequence[Verdict]]
+"""Repeats a run with each change."""
+
+
+def judge(failed: Identity, recorded: Record, played: Record) -> Verdict:
+    """Judge a repeated run as scenarios do.
+
+    It is saved if the command ended EXECUTED, every EXECUTED is true, the contacts do not increase,
+    and every other command that ended EXECUTED in the recording does so.
+    """
+    before, after = recorded.all_lifecycles(), played.all_lifecycles()
+    lost = [each for each in before if _executed(before, each) and not _executed(after, each)]
+    stages = after[failed].stages if failed in after else ()
+    end = stages[-1] if stages else None
+    true = check_executed_truth(played, ())
+    if end is None or end.stage is not Stage.EXECUTED:
+        return Verdict(f"{failed} {_end_text(end)}", end)
+    if lost:
+        return Verdict(f"{lost[0]} no longer ends EXECUTED", end)
+    if not true.passed:
+        return Verdict(f"EXECUTED is not true: {true.observed}", end)
+    if (played.contacts or 0) > (recorded.contacts or 0):
+        return Verdict(f"{played.contacts} contacts", end)
+    return Verdict("", end)
+
+
+def _executed(commands: Mapping[Identity, CommandHistory], identity: Identity) -> bool:
+    end = commands[identity].end if identity in commands else None
+    return end is not None and end.stage is Stage.EXECUTED
+
+
+def _end_text(end: Report | None) -> str:
+    if end is None or end.stage is None:
+        return "has no end"
+    return f"{end.stage.name} {end.reason.name}" if end.reason else end.stage.name
+
+
+@dataclass(frozen=True, slots=True)
+class Saving:
+    """What would have saved a run.
+
+    Attributes:
+        command: the failed command and its end.
+        minimal, change: the minimal change that does; empty and None if none does.
+        saved, saved_unchanged: numbers of seeds that succeed with it and without it.
+        instead: end of the run with the extreme values of the limits that ended it.
+    """
+
+    command: str
+    minimal: str
+    change: Change | None
+    saved: int
+    saved_unchanged: int
+    seeds: int
+    tried: int
+    instead: str
+
+    def lines(self) -> Iterator[str]:
+        """Yield it as text."""
+        unchanged = f"without a change in {self.saved_unchanged} of {self.seeds}"
+        yield self.command
+        if self.change is not None:
+            yield f"saved by {self.minimal}"
+            yield f"  EXECUTED with {self.saved} of {self.seeds} seeds, {unchanged}"
+            return
+        yield "no change of limits, speeds, controller or arguments saves it"
+        yield f"  {self.tried} runs; EXECUTED {unchanged} seeds"
+        if self.instead:
+            yield f"  with extreme limits: {self.instead}"
+
+
+class Search:
+    """A search for the minimal change that saves a run.
+
+    Args:
+        failed: the command that failed; `end` is its last report, `request` its request.
+        settings: settings of the run.
+        play: repeats the run.
+        seeds: of the runs that confirm a change.
+    """
+
+    def __init__(
+        self,
+        failed: Identity,
+        end: Report,
+        request: Request,
+        settings: Settings,
+        play: Play,
+        seeds: Sequence[int],
+    ) -> None:
+        self._failed, self._end, self._request, self._settings = failed, end, request, settings
+        self._play, self._seeds = play, seeds
+        self._tried, self._instead = 0, ""
+
+    def run(self) -> Saving:
+        """Return the minimal change that saves the run with enough of the seeds."""
+        unchanged = self._confirmed(Change())
+        found = next(self._confirmations(max(unchanged, ceil(CONFIRMED * len(self._seeds)))), None)
+        each, saved = found or (None, 0)
+        name = declaration_of(type(self._request)).name
+        return Saving(
+            f"{self._failed} {name} {_end_text(self._end)}",
+            each.text if each else "",
+            each.change if each else None,
+            saved,
+            unchanged,
+            len(self._seeds),
+            self._tried,
+            self._instead,
+        )
+
+    def _confirmations(self, least: int) -> Iterator[tuple[Candidate, int]]:
+        """Yield what saves the run as recorded and with enough seeds, the minimal first."""
+        for group in self._groups():
+            ordered = sorted(group, key=lambda each: each.order)
+            for start in range(0, len(ordered), AT_ONCE):
+                for each in self._saving(ordered[start : start + AT_ONCE]):
+                    if (saved := self._confirmed(each.change)) >= least:
+                        yield each, saved
+
+    def _groups(self) -> Iterator[list[Candidate]]:
+        """Yield candidates in groups, each smaller than those after it."""
+        limits = self._limits()
+        others = candidates([each] for each in speeds_of(self._settings))
+        others += controllers_for(self._request, self._settings)
+        for together in range(1, MAX_TOGETHER + 1):
+            figures = [*combinations(limits, together)]
+            extreme = [candidate(each, FACTORS[-1]) for each in figures]
+            saving = self._saving(extreme)
+            pairs = zip(figures, extreme, strict=True)
+            yield [*others, *candidates(each for each, far in pairs if far in saving)]
+            others = []
+        yield candidates([each] for each in arguments_of(self._failed, self._request))
+
+    def _limits(self) -> list[Adjustable]:
+        """Return the limits that end the run, each after those before it no longer do."""
+        limits: dict[str, Adjustable] = {}
+        end: Report | None = self._end
+        while end is not None:
+            found = {each.key: each for each in limits_of(end, self._settings)}
+            if found.keys() <= limits.keys():
+                return []
+            limits |= found
+            (verdict,) = self._run([(candidate([*limits.values()], FACTORS[-1]).change, None)])
+            if verdict.saved:
+                break
+            self._instead, end = verdict.text, verdict.end
+        return [*limits.values()]
+
+    def _saving(self, tried: Sequence[Candidate]) -> list[Candidate]:
+        """Return the candidates that save the run as recorded."""
+        verdicts = self._run([(each.change, None) for each in tried])
+        return [each for each, its in zip(tried, verdicts, strict=True) if its.saved]
+
+    def _confirmed(self, change: Change) -> int:
+        return sum(each.saved for each in self._run([(change, seed) for seed in self._seeds]))
+
+    def _run(self, trials: Sequence[Trial]) -> Sequence[Verdict]:
+        self._tried += len(trials)
+        return self._play(trials) if trials else []
