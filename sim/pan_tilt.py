@@ -24,6 +24,10 @@ class HeadController(Checkpointed):
         self.target_rad = (0.0, 0.0)
         self._now = (0.0, 0.0)
 
+    def set_now(self, pan_rad: float, tilt_rad: float) -> None:
+        """Set the angles at which the servos are."""
+        self._now = pan_rad, tilt_rad
+
     def point(self, pan_rad: float, tilt_rad: float) -> None:
         """Set new target angles, limited to the range of the head."""
         self.target_rad = (

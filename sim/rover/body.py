@@ -21,6 +21,7 @@ from sim.rover.camera import Camera, PictureSettings
 from sim.rover.disturbance import Disturbance
 from sim.rover.faults import Part, SimulatedFault
 from sim.rover.model import Chassis, build_model
+from sim.rover.placement import Placement
 from sim.rover.world import World
 
 F = TypeVar("F", bound=SimulatedFault)
@@ -78,6 +79,10 @@ class BatteryModel(Checkpointed):
     def drain(self, charge_ratio: float) -> None:
         """Reduce the charge to a ratio of 0 to 1, if it is above."""
         self._left_j = min(self._left_j, self._pack.capacity_j * charge_ratio)
+
+    def set_charge(self, charge_ratio: float) -> None:
+        """Set the charge to a ratio of 0 to 1."""
+        self._left_j = self._pack.capacity_j * charge_ratio
 
     @property
     def charge_ratio(self) -> float:
@@ -327,6 +332,10 @@ class SimulatedBody(Checkpointed, ABC):
             case _:
                 self._disturb()
 
+    def mark(self, fault: SimulatedFault) -> None:
+        """Add a fault whose effect at its begin is over, such as a push, without that effect."""
+        self._faults[type(fault)] = fault
+
     def clear(self, kind: type[SimulatedFault]) -> None:
         """Clear a fault, if it is active."""
         if self._faults.pop(kind, None) is None:
@@ -339,6 +348,19 @@ class SimulatedBody(Checkpointed, ABC):
             self._disturbance.set_upright(self.true_pose)
         else:
             self._disturb()
+
+    def place(self, at: Placement) -> None:
+        """Continue another run; time, cargo, faults and commands are those of it already."""
+        self._disturbance.put(at.pose, None if at.exact else 0.0)
+        heading_rad, velocity = at.pose.heading_rad, at.velocity
+        self._qvel[:2] = velocity.travel_mps * np.array((cos(heading_rad), sin(heading_rad)))
+        self._qvel[5] = velocity.rotate_radps
+        if at.camera is not None:
+            self._qpos[self._head] = at.camera.pan_rad, at.camera.tilt_rad
+            self._stuck_head = at.camera if self._stuck_head else None
+        if at.charge_ratio is not None:
+            self._battery.set_charge(at.charge_ratio)
+        self._pose, self._wheels_rad = at.pose, self._qpos[self._wheels].tolist()
 
     @property
     def cargo_kg(self) -> float:

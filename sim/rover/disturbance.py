@@ -106,8 +106,17 @@ class Disturbance(Checkpointed):
 
     def set_upright(self, pose: Pose) -> None:
         """Set the rover on its wheels at its present position and heading."""
+        self.put(pose, _DROP_M)
+
+    def put(self, pose: Pose, drop_m: float | None) -> None:
+        """Put the rover at a pose, at rest: upright, this high above the ground; or exactly."""
+        self._data.qpos[:2] = pose.x_m, pose.y_m
+        if drop_m is None:
+            x, y, z, w = pose.quaternion
+            self._set_state(np.array((w, x, y, z)), pose.z_m)
+            return
         upright = np.array((cos(pose.heading_rad / 2), 0.0, 0.0, sin(pose.heading_rad / 2)))
-        height_m = self._ground_m(pose.x_m, pose.y_m) + self._chassis.base_height_m + _DROP_M
+        height_m = self._ground_m(pose.x_m, pose.y_m) + self._chassis.base_height_m + drop_m
         self._set_state(upright, height_m)
 
     def _set_state(self, quaternion: NDArray[np.float64], height_m: float) -> None:

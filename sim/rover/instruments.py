@@ -5,7 +5,7 @@ that no instrument changes another's measurements.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from copy import deepcopy
 from math import asin, atan2
 from operator import length_hint
@@ -19,6 +19,7 @@ from sim.checkpoint import Checkpointed, changing
 from sim.rover import faults
 from sim.rover.body import STEP_S, SimulatedBody
 from sim.rover.faults import SimulatedFault
+from sim.rover.placement import Placement
 
 Vector = tuple[float, float, float]
 
@@ -56,6 +57,10 @@ class Instrument(Checkpointed, ABC):
     @abstractmethod
     def measure(self, stamp_s: float) -> Fact | None:
         """Return the present measurement; None if there is none."""
+
+    def place(self, at: Placement) -> None:
+        """Continue another run, at the present state of physics."""
+        self.begins()
 
     def begins(self) -> SimulatedFault | None:
         """Return the momentary fault if it began since the last call."""
@@ -146,16 +151,26 @@ class InertialUnit(Instrument):
         super().__init__(rover, rate_hz, random)
         data = rover.data
         bias = random.standard_normal(8)
-        self._bias_mps2 = (_ACCELERATION_BIAS_MPS2 * bias[:3]).tolist()
-        constant = np.concatenate(
-            (_GYRO_BIAS_RADPS * bias[3:6], np.zeros(3), _LEAN_BIAS_RAD * bias[6:])
-        )
-        deviation = [_GYRO_NOISE_RADPS] * 3 + [1.0] * 3 + [_LEAN_NOISE_RAD] * 2
-        self._draws = NormalRows(random, 8, constant, np.array(deviation))
+        scale = [_ACCELERATION_BIAS_MPS2] * 3 + [_GYRO_BIAS_RADPS] * 3 + [_LEAN_BIAS_RAD] * 2
+        self.set_errors((bias * scale).tolist())
         self._attitude, self._linear = data.qpos[3:7], data.qvel[:3]
         self._wheels = data.qvel[_WHEEL_RATES]
         self._before, self._before_mps = self._attitude.tolist(), self._linear.tolist()
         self._shoves_mps2: list[float] = []
+
+    def place(self, at: Placement) -> None:
+        """Continue another run with its constant errors: new ones would look like a fault."""
+        super().place(at)
+        self._before, self._before_mps = self._attitude.tolist(), self._linear.tolist()
+        if at.inertial_errors is not None:
+            self.set_errors(at.inertial_errors)
+
+    def set_errors(self, errors: Sequence[float]) -> None:
+        """Set the errors that are constant: three of accelerometer and gyro, two of the lean."""
+        self._bias_mps2 = list(errors[:3])
+        constant = np.array([*errors[3:6], 0.0, 0.0, 0.0, *errors[6:]])
+        deviation = [_GYRO_NOISE_RADPS] * 3 + [1.0] * 3 + [_LEAN_NOISE_RAD] * 2
+        self._draws = NormalRows(self._random, 8, constant, np.array(deviation))
 
     def measure(self, stamp_s: float) -> Imu | None:
         """Return the measurement since the last call, in the axes of base_link."""
@@ -264,6 +279,11 @@ class WheelSensors(Instrument):
         deviation = [_SPEED_NOISE_RADPS] * 4 + [_EFFORT_NOISE_NM] * 4
         self._draws = NormalRows(random, 8, deviation=np.array(deviation))
         self._angles, self._efforts = rover.data.qpos[_WHEELS], rover.data.actuator_force[:4]
+        self._before = self._angles.tolist()
+
+    def place(self, at: Placement) -> None:
+        """Continue another run, at the present angles."""
+        super().place(at)
         self._before = self._angles.tolist()
 
     def measure(self, stamp_s: float) -> Joints | None:

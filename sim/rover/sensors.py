@@ -19,6 +19,7 @@ from sim.checkpoint import Checkpointed, changing
 from sim.rover import faults
 from sim.rover.body import SOON_S, STEP_S, STEPS_PER_PERIOD, SimulatedBody, offset_left
 from sim.rover.instruments import InertialUnit, Instrument, WheelSensors
+from sim.rover.placement import Placement
 
 _SCALE: Final = (0.01, 0.02)
 """Bounds of the relative scale error in a run, of either sign."""
@@ -67,6 +68,14 @@ class VisualOdometry(Instrument):
         self._gap_from_s = random.uniform(0.0, _BETWEEN_GAPS_S[1])
         self._gap_until_s = self._gap_from_s + random.uniform(*_GAP_S)
         self._last: SecondOdometry | None = None
+
+    def place(self, at: Placement) -> None:
+        """Continue in the frame of its own that the other run had."""
+        super().place(at)
+        self._true = at.pose
+        if at.second is not None:
+            self._last, self._pose = at.second
+            self._distance_m = self._last.position_sd_m / (sum(_SCALE) / 2)
 
     def measure(self, stamp_s: float) -> SecondOdometry | None:
         """Return the pose of a frame taken now; None without a result."""
@@ -226,6 +235,11 @@ class SensorSuite(Checkpointed):
         self._due_s = [0.0] * len(self._instruments)
         self._delayed: list[tuple[float, Fact]] = []
         self.every = gcd(STEPS_PER_PERIOD, *(each.every for each in self._instruments))
+
+    def place(self, at: Placement) -> None:
+        """Continue the measurements of another run."""
+        for each in self._instruments:
+            each.place(at)
 
     def read(self, steps: int) -> list[Fact]:
         """Return the facts published at a step of physics."""

@@ -1,0 +1,86 @@
+"""`PlacedRover` is where the recorded rover was: to the last bit, or as near as can be known."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Final
+
+import pytest
+import yaml
+
+from executive.core.recording import Item, SimulationState
+from sim.fork.model import Placing
+from sim.scenario.lockstep_run import run_in_lock_step
+from sim.scenario.reading import read_scenario
+from tests.fork.following import follow
+
+SCENARIO: Final = """
+title: Faults, cargo, a picture, a stop and a crash
+duration: 7.2
+seed: 5
+world:
+  ground: {amplitude: 0.2, size: 10.0}
+  rocks: [{x: 1.5, y: 0.3, radius: 0.2, height: 0.1}]
+settings: {sensors: {second_odometry: {rate_hz: 10}}}
+timeline:
+  - {at: 0.4, cargo: 4}
+  - {at: 1, command: {moveForward: {distance: 3}}, label: ahead}
+  - {at: 1.2, command: {setCameraAngles: {pan: 45deg}}, label: camera}
+  - {at: 1.4, inject: {odometry_late: {by: 0.1}}}
+  - {at: 1.7, clear: odometry_late}
+  - {at: 1.9, inject: low_friction}
+  - {at: 2.33, command: stop}
+  - {at: 2.5, clear: low_friction}
+  - {at: 3, command: resume}
+  - {at: 3.1, command: {rotateBy: {angle: 60deg}}}
+  - {at: 3.6, crash: 0.6}
+  - {at: 5, command: takePicture}
+  - {at: 5.2, command: {moveForward: {distance: 1}}}
+expect:
+  - {command: ahead, ends: CANCELLED}
+"""
+
+
+@pytest.fixture(scope="module")
+def items(tmp_path_factory: pytest.TempPathFactory) -> list[Item]:
+    """Return a recording in memory."""
+    found: list[Item] = []
+    scenario = read_scenario(yaml.safe_load(SCENARIO), Path("placing.yaml"))
+    run_in_lock_step(scenario, tmp_path_factory.mktemp("run"), SimpleNamespace(put=found.append))
+    return found
+
+
+@pytest.mark.parametrize("at_s", [0.05, 1.55, 2.34, 3.9, 6.0])
+def test_a_recorded_state_is_continued_bit_for_bit(
+    items: list[Item], at_s: float, tmp_path: Path
+) -> None:
+    found = follow(items, at_s, tmp_path)
+    assert found.placing is (Placing.STATE if at_s > 0.08 else Placing.PHYSICS)
+    assert len(found.recorded) > 10
+    assert found.simulated == found.recorded
+
+
+def test_physics_is_repeated_where_no_state_was_recorded(items: list[Item], tmp_path: Path) -> None:
+    found = follow([each for each in items if not isinstance(each, SimulationState)], 2.4, tmp_path)
+    assert found.placing is Placing.PHYSICS
+    assert found.simulated == found.recorded
+
+
+def test_a_rover_put_at_the_true_pose_moves_on_as_recorded(
+    items: list[Item], tmp_path: Path
+) -> None:
+    found = follow(items, 2.2, tmp_path, exact=False)
+    assert found.placing is Placing.TRUE_POSE
+    off_m = [
+        a.point.distance_m(b.point) for a, b in zip(found.recorded, found.simulated, strict=True)
+    ]
+    assert off_m[0] < 0.002
+    assert max(off_m[:20]) < 0.02
+
+
+def test_a_real_rover_is_put_at_its_odometry(items: list[Item], tmp_path: Path) -> None:
+    found = follow(items, 2.2, tmp_path, exact=False, has_truth=False)
+    assert found.placing is Placing.ODOMETRY
+    moved_m = [
+        each[0].point.distance_m(each[19].point) for each in (found.recorded, found.simulated)
+    ]
+    assert moved_m[1] == pytest.approx(moved_m[0], abs=0.02)
