@@ -9,13 +9,13 @@ from enum import Enum, unique
 from typing import Any
 
 from executive.commands import PreemptionPolicy, Request
-from executive.settings import Controller
+from executive.settings import Controller, Settings
 from executive.values.geometry import Pose
 from executive.values.reports import Identity
 from sim.rover import World
 from sim.rover.faults import SimulatedFault
 from sim.scenario.changes import Override
-from sim.scenario.record import Record
+from sim.scenario.record import Record, TruePose
 
 
 @unique
@@ -45,7 +45,7 @@ class AddedCommand:
 
     request: Request
     at_s: float | None = None
-    preemption: PreemptionPolicy = PreemptionPolicy.REPLACE
+    preemption: PreemptionPolicy = PreemptionPolicy.APPEND
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,8 @@ class Change:
     """Changes of a fork; empty for the fork without a change.
 
     Attributes:
-        settings: keys of the asset's settings, as in its YAML, such as `drive.travel_speed=0.6`.
+        asset: settings instead of the recorded ones; None for those.
+        settings: keys of the settings and their values, such as `drive.travel_speed=0.6`.
         controller: controller of all motions that name one or may have one; None for no change.
         world: world instead of the recorded one; None for that.
         seed: seed of the noise instead of the recorded one; the fork is then not exact.
@@ -79,6 +80,7 @@ class Change:
         faults: further faults.
     """
 
+    asset: Settings | None = None
     settings: tuple[Override, ...] = ()
     controller: Controller | None = None
     world: World | None = None
@@ -125,15 +127,16 @@ class FirstDifference:
     Attributes:
         topic: topic of the recording, such as `/out/velocity_commanded`.
         recorded, forked: both decisions as text with figures; `nothing` for none.
-        recorded_why, forked_why: reason of the rover's motion at that time, as in `rover why`.
+        recorded_why, forked_why: the last cause in the explanation of the rover's state then, with
+            its figures, as in `rover why`; set in answers.
     """
 
     time_s: float
     topic: str
     recorded: str
     forked: str
-    recorded_why: str
-    forked_why: str
+    recorded_why: str = ""
+    forked_why: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,9 +150,9 @@ class ForkOutcome:
         end_s: time of the end.
         commands: outcome of each command, in the order of their receipt.
         pose: pose at the end: true in simulations, else of the odometry.
-        contacts: contacts with rocks, walls and steps that begin after the fork; None if unknown.
+        contacts: contacts with rocks, walls and steps that began; None if unknown.
         first_difference: of the fork against the recording; None if nothing differs.
-        lacks: items that the recording lacks for a more exact fork, a sentence each.
+        lacks: items that are missing for an exact fork, a line each.
     """
 
     at_s: float | None
@@ -170,10 +173,15 @@ class ForkOutcome:
 
 @dataclass(frozen=True, slots=True)
 class ForkRun:
-    """A fork, and its record for the judgements of scenarios; both have the same times."""
+    """A fork, and its record for the judgements of scenarios; both have the same times.
+
+    Attributes:
+        odometry: pose of the odometry at each tick.
+    """
 
     outcome: ForkOutcome
     record: Record
+    odometry: tuple[TruePose, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

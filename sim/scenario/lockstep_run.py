@@ -105,6 +105,7 @@ def run_in_lock_step(
     start_utc_s: float = START_UTC_S,
     build_tree: Callable[[Context], Tree] = RoverTree,
     run: "Callable[[Scenario, LockStep, Record], LockstepRun] | None" = None,
+    skips: bool = False,
 ) -> Record:
     """Run a scenario and return its record.
 
@@ -115,7 +116,8 @@ def run_in_lock_step(
         rover: a Jackal in the scenario's world with further parts; None for the scenario's rover.
         start_utc_s: UTC of the start.
         build_tree: builds the tree of each executive.
-        run: makes a run that ends by itself; the time of standing then passes at once.
+        run: makes a run that ends by itself.
+        skips: whether the time of standing passes at once.
 
     Raises:
         SettingsError: MuJoCo refuses the world.
@@ -133,7 +135,7 @@ def run_in_lock_step(
             tape=tape,
             rover=rover,
             start_utc_s=start_utc_s,
-            skips=run is not None,
+            skips=skips,
             build_tree=build_tree,
         )
     except ValueError as error:

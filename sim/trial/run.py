@@ -197,6 +197,7 @@ def try_once(trial: Trial, number: int, out: Path | None = None) -> TrialResult:
             start_utc_s=begin_utc_s(root, trial.begin_utc_s) - BEGIN_S,
             build_tree=partial(CountingTree, choices),
             run=run,
+            skips=True,
         )
         if out is not None:
             from sim.scenario.pictures import write_run

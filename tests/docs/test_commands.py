@@ -57,6 +57,7 @@ NO_ROVER = tuple(
         "campaign",
         "replay",
         "plot",
+        "whatif",
         "bag",
         "log --file",
         "plan check",
@@ -69,7 +70,7 @@ NO_ROVER = tuple(
 HERE = re.compile(
     r"\./rover (authority|bag|calibrate|campaign|command|doctor|files (?!watch)|log|moveTo|plan"
     r"|plot|preview|replay|resume|robot|scenario|services|status|stop|tree"
-    r"|watch --file|why)\b[^|>]*"
+    r"|watch --file|whatif|why)\b[^|>]*"
 )
 """Commands that are run in this process: another imports for longer than they take."""
 WITH_FILES = {CHECKOUT / "docs" / name for name in ("campaigns.md", "above-nav2.md")}

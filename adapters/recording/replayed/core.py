@@ -118,17 +118,7 @@ class ReplayedCore:
         self._solver = solver or self._scripted_solver
         self._sink = self._tape if tape is None else RecordingTee(self._tape, tape)
         self._ledger: ReplayLedger | None = None
-        (folder / "files").mkdir(parents=True)
-        (folder / "ledger.sqlite").write_bytes(lifecycle.ledger)
-        if lifecycle.latch:
-            (folder / "ledger.stop").write_bytes(lifecycle.latch)
-        for each in lifecycle.files:
-            target = (folder / "files" / each.path).resolve()
-            if not target.is_relative_to((folder / "files").resolve()):
-                raise ValueError(f"{each.path} is outside of its folder")
-            target.parent.mkdir(parents=True, exist_ok=True)
-            with target.open("wb") as file:
-                file.truncate(each.size_octets)
+        write_files(lifecycle, folder)
 
     @property
     def decisions(self) -> Sequence[RecordedMessage]:
@@ -198,3 +188,22 @@ class ReplayedCore:
         )
         self._inbox.core = executive
         return executive
+
+
+def write_files(lifecycle: ProcessStart, folder: Path) -> None:
+    """Write ledger, stop latch and files of a start into a folder.
+
+    Raises:
+        OSError, ValueError: a file cannot be created.
+    """
+    (folder / "files").mkdir(parents=True, exist_ok=True)
+    (folder / "ledger.sqlite").write_bytes(lifecycle.ledger)
+    if lifecycle.latch:
+        (folder / "ledger.stop").write_bytes(lifecycle.latch)
+    for each in lifecycle.files:
+        target = (folder / "files" / each.path).resolve()
+        if not target.is_relative_to((folder / "files").resolve()):
+            raise ValueError(f"{each.path} is outside of its folder")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with target.open("wb") as file:
+            file.truncate(each.size_octets)

@@ -1,0 +1,161 @@
+"""Applies a `Change` to the settings of a recording and to the timeline of its scenario."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+from executive.commands import FollowPath, MoveTo, PreemptionPolicy, Request
+from executive.settings import (
+    Controller,
+    FormatError,
+    Settings,
+    SettingsError,
+    faults_of,
+    parse_yaml,
+    settings_reader,
+    suggestion,
+)
+from executive.values.reports import Identity
+from sim.fork.model import Change
+from sim.rover.faults import fault_declaration
+from sim.scenario.changes import Override
+from sim.scenario.model import Clear, Entry, Fix, Inject, Send
+
+NEVER_S: Final = 1e9
+"""Time of entries that are left out; a timeline has finite times."""
+LABEL: Final = "added"
+"""Label of added commands, before their number."""
+
+
+def changed_settings(settings: Settings, change: Change) -> Settings:
+    """Return the settings of a fork.
+
+    Raises:
+        SettingsError: a key is unknown, or a value does not fit.
+    """
+    made = change.asset or settings
+    if made.asset != settings.asset:
+        raise SettingsError(f"the recording is of {settings.asset}, not of {made.asset}")
+    for each in change.settings:
+        with faults_of(f"--set {each}"):
+            made = _with(made, each)
+    if change.controller is not None:
+        try:
+            made = replace(made, controller=change.controller)
+        except ValueError as error:
+            raise SettingsError(f"--controller {change.controller.value}: {error}") from error
+    return made
+
+
+def _with(settings: Settings, change: Override) -> Settings:
+    """Return settings with a key, spelled with or without the unit of its field, replaced."""
+    path, value = change.key.split("."), parse_yaml(change.value, "the value")
+    for units in (False, True):
+        reader = settings_reader(units=units)
+        plain = reader.plain(settings)
+        if _unknown(plain, path) is None:
+            made: Settings = reader.read(_replaced(plain, path, value), Settings)
+            return made
+    raise FormatError("", _unknown(settings_reader().plain(settings), path) or "")
+
+
+def _unknown(plain: Any, path: Sequence[str]) -> str | None:
+    """Return the error of the first component of a path that does not exist; None if all do."""
+    for depth, key in enumerate(path):
+        if not isinstance(plain, dict) or key not in plain:
+            known = plain if isinstance(plain, dict) else {}
+            above = ".".join(path[:depth]) or "the settings"
+            keys = ", ".join(known) or "none"
+            return f"{above} has no key {key!r}{suggestion(key, known)}; its keys are: {keys}"
+        plain = plain[key]
+    return None
+
+
+def _replaced(plain: Mapping[str, Any], path: Sequence[str], value: object) -> dict[str, Any]:
+    key, *rest = path
+    return {**plain, key: _replaced(plain[key], rest, value) if rest else value}
+
+
+def identities(timeline: Sequence[Entry]) -> dict[int, Identity]:
+    """Return the identity of each command of a timeline, by its index in it."""
+    sends = [index for index, each in enumerate(timeline) if isinstance(each, Send | Fix)]
+    return {
+        index: Identity(each.source, position if each.id is None else each.id)
+        for position, index in enumerate(sends, 1)
+        if isinstance(each := timeline[index], Send)
+    }
+
+
+def changed_timeline(
+    timeline: Sequence[Entry], change: Change, at_s: float | None
+) -> tuple[Entry, ...]:
+    """Return the timeline of a fork; entries stay at their indexes, as commands are numbered so.
+
+    Args:
+        timeline: timeline of the scenario.
+        change: change of the fork.
+        at_s: time of added commands that have none.
+
+    Raises:
+        SettingsError: there is no such command or fault, or an added command has no time.
+    """
+    made, known = list(timeline), identities(timeline)
+    requests = {each.identity: each.request for each in change.replaced}
+    if missing := next((e for e in (*change.dropped, *requests) if e not in known.values()), None):
+        raise SettingsError(f"no command {missing} was sent; there are: {_names(known.values())}")
+    for index, identity in known.items():
+        entry = made[index]
+        assert isinstance(entry, Send)
+        request = requests.get(identity, entry.command)
+        made[index] = replace(entry, command=_controlled(request, change.controller))
+        if identity in change.dropped:
+            made[index] = _never(entry)
+    faults = [each for each in timeline if isinstance(each, Inject)]
+    names = {fault_declaration(type(each.inject)).name for each in faults}
+    if unknown := next((each for each in change.without if each not in names), None):
+        raise SettingsError(f"no fault {unknown!r} was injected; there are: {_names(names)}")
+    for index, entry in enumerate(made):
+        if isinstance(entry, Inject | Clear) and _fault_name(entry) in change.without:
+            made[index] = _never(entry)
+    operator = [*known.values()][-1].source if known else "MOE"
+    first = 1 + max((each.command_id for each in known.values()), default=0)
+    return (*made, *_additions(change, at_s, Identity(operator, first)))
+
+
+def _additions(change: Change, at_s: float | None, first: Identity) -> Iterator[Entry]:
+    for number, added in enumerate(change.added):
+        time_s = at_s if added.at_s is None else added.at_s
+        if time_s is None:
+            raise SettingsError("an added command needs a time: give --at SECONDS")
+        yield Send(
+            at_s=time_s,
+            command=_controlled(added.request, change.controller),
+            label=f"{LABEL} {number + 1}",
+            id=first.command_id + number,
+            source=first.source,
+            replace=added.preemption is PreemptionPolicy.REPLACE,
+        )
+    for each in change.faults:
+        yield Inject(at_s=each.begin_s, inject=each.fault)
+        if each.end_s is not None:
+            yield Clear(at_s=each.end_s, clear=type(each.fault))
+
+
+def _controlled(request: Request, controller: Controller | None) -> Request:
+    """Return a request with a controller, if it names another one."""
+    if isinstance(request, MoveTo | FollowPath) and request.controller and controller:
+        return replace(request, controller=controller)
+    return request
+
+
+def _fault_name(entry: Inject | Clear) -> str:
+    kind = type(entry.inject) if isinstance(entry, Inject) else entry.clear
+    return fault_declaration(kind).name
+
+
+def _never(entry: Entry) -> Entry:
+    return replace(entry, at_s=NEVER_S, after=None, near=None)
+
+
+def _names(values: Iterable[object]) -> str:
+    return ", ".join(map(str, values)) or "none"

@@ -1,0 +1,233 @@
+"""`RunLog`: decisions, reports and poses of a run, recorded or forked, on one clock."""
+
+from bisect import bisect_right
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from adapters.recording import RunReader, decode
+from adapters.recording.replayed import RecordedMessage, encode, topic_of
+from executive.commands import OWN_LINKS, Command, PreemptionPolicy, Request, declaration_of
+from executive.core.recording import (
+    CameraCommanded,
+    CommandDequeued,
+    CoreCall,
+    CoreCalled,
+    Decision,
+    Entry,
+    FactObserved,
+    FrameRequested,
+    HaltCommanded,
+    Item,
+    ModeChanged,
+    MotionCommanded,
+    MuxLockChanged,
+    ProcessStart,
+    ReportSent,
+    SimulationItem,
+    TelemetrySent,
+    TreeChanged,
+    Truth,
+    VelocityCommanded,
+    is_within,
+)
+from executive.history import RunHistory
+from executive.values.facts import Odometry
+from executive.values.geometry import Pose
+from executive.values.reports import Identity, Report, ReportKind
+from sim.fork.model import CommandOutcome, FirstDifference
+from sim.scenario.model import Send
+from sim.scenario.record import TruePose
+
+ACTS: Final = (
+    VelocityCommanded,
+    MotionCommanded,
+    HaltCommanded,
+    MuxLockChanged,
+    CameraCommanded,
+    FrameRequested,
+    ReportSent,
+    ModeChanged,
+)
+"""Decisions that count as different; others are texts and values that follow from these."""
+NOTHING: Final = "nothing"
+DIGITS: Final = 6
+"""Decimal digits of seconds: stamps in UTC have no finer ones."""
+_AS_OCTETS: Final = (TelemetrySent, TreeChanged)
+
+
+@dataclass(slots=True)
+class RunLog:
+    """Collects a run from the items of its recording; times are seconds since the first entry.
+
+    Attributes:
+        now_s: time of the last entry.
+        core_s, utc_s: time of the first entry, on the core's clock and as UTC.
+        decisions: every decision with its time.
+        odometry: pose of the odometry at each tick.
+        sent: commands with their times, as in a timeline.
+        simulation: items on the simulation, and the starts of the executive.
+        kinds: types of all items.
+    """
+
+    now_s: float = 0.0
+    core_s: float | None = None
+    utc_s: float = 0.0
+    decisions: list[tuple[float, RecordedMessage]] = field(default_factory=list)
+    truths: list[TruePose] = field(default_factory=list)
+    odometry: list[TruePose] = field(default_factory=list)
+    reports: list[Report] = field(default_factory=list)
+    requests: dict[Identity, Request] = field(default_factory=dict)
+    sent: list[Send] = field(default_factory=list)
+    simulation: list[SimulationItem | ProcessStart] = field(default_factory=list)
+    kinds: set[type] = field(default_factory=set)
+    _pose: Pose | None = None
+
+    @classmethod
+    def read(cls, reader: RunReader) -> "RunLog":
+        """Return the log of a recording.
+
+        Raises:
+            RecordingError: the file cannot be read.
+        """
+        log = cls()
+        for message in reader.messages():
+            if message.topic.kind in _AS_OCTETS:
+                log.decisions.append((log.now_s, message))
+            else:
+                log.add(reader.decoded(message), message)
+        return log
+
+    def put(self, item: Item) -> None:
+        """Add an item of a run."""
+        self.add(item, None)
+
+    def add(self, item: Item, message: RecordedMessage | None) -> None:
+        """Add an item; with its recorded message, if there is one."""
+        self.kinds.add(type(item))
+        if isinstance(item, Decision):
+            written = message or RecordedMessage(topic_of(item), encode(item))
+            self.decisions.append((self.now_s, written))
+        elif isinstance(item, Entry) and not is_within(item):
+            if self.core_s is None:
+                self.core_s, self.utc_s = item.now_s, item.utc_s
+            self.now_s = item.now_s - self.core_s
+        match item:
+            case FactObserved(fact=Odometry(pose=pose)):
+                self._pose = pose
+            case CoreCalled(call=CoreCall.TICK) if self._pose is not None:
+                self.odometry.append(TruePose(self.now_s, self._pose))
+            case CommandDequeued(command=command) if command.identity not in self.requests:
+                self.requests[command.identity] = command.request
+                if command.link not in OWN_LINKS:
+                    self.sent.append(self._send(command))
+            case ReportSent(report=report):
+                self.reports.append(report)
+            case Truth(time_s=time_s, pose=pose):
+                self.truths.append(TruePose(time_s - (self.core_s or 0.0), pose))
+            case _:
+                pass
+        if isinstance(item, SimulationItem | ProcessStart) and not isinstance(item, Truth):
+            self.simulation.append(item)
+
+    def _send(self, command: Command) -> Send:
+        precondition = command.precondition
+        return Send(
+            at_s=self.now_s,
+            command=command.request,
+            label=str(command.identity),
+            id=command.identity.command_id,
+            source=command.identity.source,
+            link=command.link,
+            only_at=None if precondition is None else precondition.at,
+            only_mode=None if precondition is None else precondition.mode,
+            lifetime_s=command.lifetime_s,
+            replace=command.preemption is PreemptionPolicy.REPLACE,
+        )
+
+    def until(self, end_s: float) -> tuple[Sequence[object], Sequence[TruePose]]:
+        """Return decisions and true poses before a time."""
+        decisions = [each for each in self.decisions if each[0] < end_s]
+        return decisions, [each for each in self.truths if each.time_s < end_s]
+
+    def outcomes(self) -> tuple[CommandOutcome, ...]:
+        """Return the outcome of each command, in the order of their receipt."""
+        histories = RunHistory(self.utc_s, tuple(self.reports)).command_histories()
+        return tuple(
+            self._outcome(identity, history.stages[-1])
+            for identity, history in histories.items()
+            if history.stages
+        )
+
+    def _outcome(self, identity: Identity, last: Report) -> CommandOutcome:
+        request = self.requests.get(identity)
+        end_s = round(last.utc_s - self.utc_s, DIGITS)
+        return CommandOutcome(
+            command=str(identity),
+            name="" if request is None else declaration_of(type(request)).name,
+            stage="" if last.stage is None else last.stage.name,
+            reason="" if last.reason is None else last.reason.name,
+            text=last.text,
+            end_s=end_s,
+            pose=self.pose_at(end_s),
+        )
+
+    def pose_at(self, time_s: float) -> Pose | None:
+        """Return the true pose at a time, or that of the odometry if none is true."""
+        poses = self.truths or self.odometry
+        index = bisect_right(poses, time_s + 1e-6, key=lambda each: each.time_s)
+        return poses[index - 1].pose if index else None
+
+
+def first_difference(recorded: RunLog, forked: RunLog) -> FirstDifference | None:
+    """Return the first act of a fork that is not that of the recording, while both last."""
+    until_s = min(recorded.now_s, forked.now_s)
+    then, now = _acts(recorded, until_s), _acts(forked, until_s)
+    for time_s in sorted({*then, *now}):
+        before, after = then.get(time_s, []), now.get(time_s, [])
+        for index in range(max(len(before), len(after))):
+            pair = [each[index] if index < len(each) else None for each in (before, after)]
+            texts = [_texts(pair, digits) for digits in (2, 4, 6)] if pair[0] != pair[1] else []
+            found = next((each for each in texts if each[0] != each[1]), None)
+            if found is not None:  # last bits of a velocity are no decision
+                topic = next(each.topic.name for each in reversed(pair) if each is not None)
+                return FirstDifference(time_s, topic, *found)
+    return None
+
+
+def _acts(log: RunLog, until_s: float) -> dict[float, list[RecordedMessage]]:
+    found: dict[float, list[RecordedMessage]] = defaultdict(list)
+    for time_s, message in log.decisions:
+        if time_s <= until_s and message.topic.kind in ACTS and not _predicts(message):
+            found[time_s].append(message)
+    return found
+
+
+def _predicts(message: RecordedMessage) -> bool:
+    """Return whether it is a report that predicts a motion; no decision depends on it."""
+    if message.topic.kind is not ReportSent:
+        return False
+    report: Report = decode(message.topic, message.data).report
+    return report.kind is ReportKind.EVENT and report.identity is not None
+
+
+def _texts(pair: Sequence[RecordedMessage | None], digits: int) -> list[str]:
+    return [NOTHING if each is None else _text(each, digits) for each in pair]
+
+
+def _text(message: RecordedMessage, digits: int) -> str:
+    item: Any = decode(message.topic, message.data)
+    match item:
+        case VelocityCommanded(velocity=velocity):
+            travel, rotate = velocity.travel_mps, velocity.rotate_radps
+            return f"velocity {travel:.{digits}f} m/s, {rotate:.{digits}f} rad/s"
+        case ReportSent(report=report):
+            stage = report.severity.name if report.stage is None else report.stage.name
+            reason = "" if report.reason is None else f" {report.reason.name}"
+            about = "" if report.identity is None else f"{report.identity} "
+            return f"{about}{stage}{reason}: {report.text}"
+        case ModeChanged(mode=mode, why=why):
+            return f"mode {mode.name}: {why}"
+        case _:
+            return f"{message.topic.name} {message.data.decode()}"

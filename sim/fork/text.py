@@ -1,0 +1,78 @@
+"""The answer to a what-if question as lines of text."""
+
+from collections.abc import Iterator, Sequence
+from itertools import chain
+from math import degrees
+
+from executive.values.geometry import Pose
+from sim.fork.model import CommandOutcome, Fidelity, FirstDifference, ForkOutcome, WhatIf
+
+
+def answer_lines(answer: WhatIf, change: str) -> Iterator[str]:
+    """Yield the answer; `change` describes the change of the question."""
+    recorded, unchanged = answer.recorded, answer.unchanged
+    yield from recorded.lacks
+    if answer.fidelity is Fidelity.DIFFERENT:
+        yield "without a change the fork does not reproduce the recording: there is no answer"
+        yield from _difference(unchanged.first_difference)
+        yield from _commands(recorded, [unchanged], "without a change")
+        return
+    exactly = "bit-equal" if answer.fidelity is Fidelity.BIT_EQUAL else "the same outcomes"
+    yield f"without a change: as recorded ({exactly}{_apart(recorded.pose, unchanged.pose)})"
+    if not answer.forks:
+        return
+    if all(each.first_difference is None for each in answer.forks):
+        yield f"{change}: no decision differs"
+        return
+    yield from _difference(answer.forks[0].first_difference)
+    yield from _commands(recorded, answer.forks, change)
+    for name, run in (("recorded", unchanged), (change, answer.forks[0])):
+        contacts = "" if run.contacts is None else f", {run.contacts} contacts"
+        yield f"end {name}: {_pose(run.pose)} after {run.end_s:.1f} s{contacts}"
+
+
+def _difference(difference: FirstDifference | None) -> Iterator[str]:
+    if difference is None:
+        return
+    yield f"first different decision after {difference.time_s:.2f} s: {difference.forked}"
+    yield f"  recorded: {difference.recorded}"
+    if difference.forked_why:
+        yield f"  why: {difference.forked_why}"
+    if difference.recorded_why not in ("", difference.forked_why):
+        yield f"  why recorded: {difference.recorded_why}"
+
+
+def _commands(recorded: ForkOutcome, forks: Sequence[ForkOutcome], change: str) -> Iterator[str]:
+    then = {each.command: each for each in recorded.commands}
+    names = {each.command: each.name for each in chain(*(run.commands for run in forks))}
+    for command in dict.fromkeys([*then, *names]):
+        before = _end(then[command], [then[command].end_s]) if command in then else "not sent"
+        name = names.get(command) or then[command].name
+        found: dict[tuple[str, str], list[CommandOutcome]] = {}
+        for each in chain(*(run.commands for run in forks)):
+            if each.command == command:
+                found.setdefault((each.stage, each.reason), []).append(each)
+        ends = [
+            _end(group[0], [each.end_s for each in group])
+            + (f" in {len(group)} of {len(forks)}" if len(forks) > 1 else "")
+            for group in found.values()
+        ]
+        yield f"{command} {name}: recorded {before}; {change} {', '.join(ends) or 'not sent'}"
+
+
+def _end(outcome: CommandOutcome, ends_s: Sequence[float]) -> str:
+    low, high = f"{min(ends_s):.2f}", f"{max(ends_s):.2f}"
+    when = low if low == high else f"{low} .. {high}"
+    return f"{outcome.stage} {when} s {outcome.reason}".rstrip()
+
+
+def _pose(pose: Pose | None) -> str:
+    if pose is None:
+        return "at an unknown pose"
+    return f"x {pose.x_m:.2f} m, y {pose.y_m:.2f} m, heading {degrees(pose.heading_rad):.0f}°"
+
+
+def _apart(then: Pose | None, now: Pose | None) -> str:
+    if then is None or now is None or then == now:
+        return ""
+    return f", end {1000 * then.point.distance_m(now.point):.0f} mm off"

@@ -1,0 +1,155 @@
+"""A fork is the recorded run with a change, to the last bit."""
+
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from adapters.recording import RecordingError, RunFile, RunReader, decode
+from adapters.recording.replay import replay
+from executive.commands import MoveForward, PreemptionPolicy
+from executive.core.recording import SimulationStarted, TimelineStarted
+from executive.settings import Controller, SettingsError, load_settings
+from executive.values.reports import Identity
+from sim.fork.forkable import Forkable
+from sim.fork.model import (
+    AddedCommand,
+    AddedFault,
+    Change,
+    Fidelity,
+    ForkOutcome,
+    Placing,
+    ReplacedCommand,
+    WhatIf,
+)
+from sim.rover import World
+from sim.rover.faults import LeftWheelsStuck
+from sim.rover.simulation import Simulation
+from sim.scenario.changes import Override
+from tests.fork.conftest import SHORT, play
+
+
+def stages(outcome: ForkOutcome) -> dict[str, str]:
+    return {each.command: f"{each.stage} {each.reason}".strip() for each in outcome.commands}
+
+
+def rewritten(recording: Path, path: Path, seed: int | None) -> Path:
+    """Return a copy with another seed, or without the items on the simulation."""
+    with closing(RunFile(path)) as file:
+        for message in RunReader(recording).messages():
+            item = decode(message.topic, message.data)
+            if isinstance(item, SimulationStarted) and seed is not None:
+                item = replace(Simulation.of(item), seed=seed).started(item.time_s)
+            if seed is not None or not isinstance(item, SimulationStarted | TimelineStarted):
+                file.put(item)
+    return path
+
+
+def test_a_fork_without_a_change_is_the_recorded_run(run: Forkable) -> None:
+    fork, fidelity = run.unchanged()
+    assert fidelity is Fidelity.BIT_EQUAL
+    assert fork.outcome.commands == run.recorded.outcome.commands
+    assert fork.record.poses == run.recorded.record.poses
+    assert fork.odometry == run.recorded.odometry
+    assert fork.outcome.first_difference is None
+    assert fork.outcome.placing is Placing.PHYSICS
+    assert stages(fork.outcome)["MOE:1"] == "FAILED WHEELS_OFF_COMMAND"
+
+
+def test_a_fork_under_a_setting_is_the_scenario_under_it(run: Forkable, tmp_path: Path) -> None:
+    fork = run.fork(Change(settings=(Override("drive.travel_speed_mps", "0.6"),)))
+    itself = play(tmp_path, "side_stuck", *SHORT, "settings.drive.travel_speed=0.6")
+    assert fork.record.poses[: len(itself.poses)] == itself.poses
+    difference = fork.outcome.first_difference
+    assert difference is not None
+    assert fork.outcome.at_s == difference.time_s < 2.0
+    assert difference.topic == "/out/velocity_commanded"
+    assert difference.forked.startswith("velocity 0.60 m/s")
+    assert difference.recorded.startswith("velocity 0.65 m/s")
+
+
+def test_a_fork_without_its_fault_continues_until_its_commands_end(answer: WhatIf) -> None:
+    (fork,) = answer.forks
+    assert answer.fidelity is Fidelity.BIT_EQUAL
+    assert stages(fork) == {"MOE:1": "EXECUTED", "MOE:2": "EXECUTED"}
+    assert fork.end_s > answer.recorded.end_s
+    assert fork.first_difference is not None
+    assert 2.0 < fork.first_difference.time_s < 2.25
+    assert fork.first_difference.forked_why.startswith("leaf drive ran for ")
+
+
+def test_the_recording_of_a_fork_replays_and_is_forked_again(answer: WhatIf) -> None:
+    file = Path(answer.recording).with_name("fork.mcap")
+    assert replay(file).difference is None
+    again, fidelity = Forkable(file).unchanged()
+    assert fidelity is Fidelity.BIT_EQUAL
+    assert again.outcome.commands == answer.forks[0].commands
+
+
+def test_commands_are_added_dropped_and_replaced(run: Forkable) -> None:
+    first = Identity("MOE", 1)
+    ahead = AddedCommand(MoveForward(0.5), at_s=1.5, preemption=PreemptionPolicy.REPLACE)
+    added = stages(run.fork(Change(added=(ahead,))).outcome)
+    assert added["MOE:1"] == "CANCELLED REPLACED"
+    assert added["MOE:7"] == "FAILED WHEELS_OFF_COMMAND"
+    short = ReplacedCommand(first, MoveForward(0.2))
+    assert stages(run.fork(Change(replaced=(short,))).outcome)["MOE:1"] == "EXECUTED"
+    dropped = Change(dropped=(first,), faults=(AddedFault(LeftWheelsStuck(), 1.2, 1.6),))
+    fork = run.fork(dropped)
+    assert stages(fork.outcome) == {"MOE:2": "EXECUTED"}
+    assert [each.begins for each in fork.record.faults] == [True, False, True]
+
+
+def test_other_seeds_change_the_noise_behind_the_fork(run: Forkable) -> None:
+    first, second = (run.fork(Change(), 1.5, seed) for seed in (None, 1))
+    pairs = zip(first.odometry, second.odometry, strict=False)
+    apart_s = next(a.time_s for a, b in pairs if a != b)
+    assert 1.5 < apart_s < 1.7
+    assert stages(first.outcome) == stages(second.outcome)
+
+
+def test_a_world_and_a_controller_are_changed(run: Forkable) -> None:
+    slippery = run.fork(Change(world=World(friction=0.05), seed=5)).outcome
+    assert slippery.first_difference is not None
+    assert slippery.seed == 5
+    with pytest.raises(SettingsError, match=r"--controller navigation: .* section navigation"):
+        run.fork(Change(controller=Controller.NAVIGATION))
+
+
+def test_a_recording_without_its_seed_is_reproduced_less_exactly(
+    stuck: Path, tmp_path: Path
+) -> None:
+    other = Forkable(rewritten(stuck, tmp_path / "run.mcap", seed=7))
+    assert other.unchanged()[1] is Fidelity.SAME_OUTCOMES
+    lacking = Forkable(rewritten(stuck, tmp_path / "lacking.mcap", seed=None))
+    fork, fidelity = lacking.unchanged()
+    assert fork.outcome.placing is Placing.TRUE_POSE
+    assert fidelity is Fidelity.SAME_OUTCOMES
+    assert any("the world, its seed" in each for each in lacking.recorded.outcome.lacks)
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (Change(settings=(Override("drive.sped", "1"),)), "drive has no key 'sped'.*travel_speed"),
+        (Change(settings=(Override("drive.travel_speed", "fast"),)), "travel_speed: "),
+        (Change(dropped=(Identity("MOE", 9),)), "no command MOE:9 .* MOE:1, MOE:2"),
+        (Change(without=("tip",)), "no fault 'tip' .* left_wheels_stuck"),
+        (Change(added=(AddedCommand(MoveForward(1.0)),)), "needs a time: give --at"),
+        (Change(asset=load_settings("mocup")), "is of jackal, not of mocup"),
+    ],
+)
+def test_a_change_that_does_not_fit_has_one_clear_error(
+    run: Forkable, change: Change, text: str
+) -> None:
+    with pytest.raises(SettingsError, match=text):
+        run.fork(change)
+
+
+def test_other_files_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="cannot be read"):
+        Forkable(tmp_path / "none.mcap")
+    (tmp_path / "text.mcap").write_text("no recording")
+    with pytest.raises(RecordingError, match="is no MCAP file"):
+        Forkable(tmp_path / "text.mcap")
