@@ -152,6 +152,13 @@ def decode(topic: RecordingTopic, data: bytes) -> Any:
             _require(abs(item.now_s) < MAX_TIME_S and 0.0 <= item.utc_s < MAX_TIME_S, "time")
         case TreeChanged(nodes=nodes):
             _require({each.status for each in nodes} <= set(NodeStatus.__members__), "status")
+        case (
+            SimulationStarted(text=text)
+            | TimelineStarted(text=text)
+            | SimulatedFaultChanged(text=text)
+            | SimulationState(text=text)
+        ):
+            json.loads(text)  # raises if it is none
         case _:
             pass
     return item

@@ -81,8 +81,8 @@ MAX_LEAD_S: Final = 0.065
 0.1 s a starved executive received odometry 0.14 s old, more than the bound of `odometry_late`."""
 EXECUTIVE_TIMEOUT_S: Final = 5.0
 """Real time without a tick after which time no longer waits: the executive has ended or hangs."""
-STATE_PERIODS: Final = round(3 / PERIOD_S)
-"""Periods between two checkpoints. Recordings then grow by 8 %, each second by 22 %; measured."""
+STATE_PERIODS: Final = round(2 / PERIOD_S)
+"""Periods between two checkpoints. Recordings then grow by 6 %, each second by 13 %; measured."""
 WINDOW_S: Final = 5.0
 """Real time over which the speed is measured."""
 SLOW_RATIO, REAL_RATIO = 0.9, 0.97

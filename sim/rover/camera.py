@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as Pillow
 
+from executive.settings import figure
 from sim.rover import scenery
 from sim.rover.scenery import Image
 
@@ -183,8 +184,8 @@ class Backend(Enum):
 class PictureSettings:
     """Size and renderer of pictures."""
 
-    width: int = 320
-    height: int = 240
+    width: int = figure(1, 1280, default=320)
+    height: int = figure(1, 960, default=240)
     backend: Backend = Backend.RAYS
 
 

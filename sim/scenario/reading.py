@@ -177,19 +177,25 @@ def _reader() -> StrictReader:
     reader = settings_reader(
         {
             StageTime: lambda raw: StageTime.parse(_text(raw, "")),
-            OnlyAt: lambda raw: OnlyAt.read(_text(raw, "")),
+            OnlyAt: lambda raw: _only_at(_text(raw, "")),
             Request: lambda raw: read_request(raw, reader),
             SimulatedFault: read_fault,
             type[SimulatedFault]: lambda raw: read_kind(raw).kind,
         },
         {
             StageTime: lambda time: f"{time.label} {time.stage} + {time.delay_s:.9f}",
+            OnlyAt: lambda bounds: bounds.wire_text,
             SimulatedFault: format_fault,
             type[SimulatedFault]: lambda kind: fault_declaration(kind).name,
             **{each.kind: write_request for each in all_declarations()},
         },
     )
     return reader
+
+
+def _only_at(text: str) -> OnlyAt:
+    """Return the bounds of a file, or of a recorded timeline, where they have all their digits."""
+    return OnlyAt.read(text) if "," in text else OnlyAt.parse(text)
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from adapters.recording import RunFile, RunReader, missing_for_fork
+from adapters.recording import RecordingError, RunFile, RunReader, missing_for_fork
 from adapters.recording.replay import replay
 from adapters.recording.replayed.ports import NullRover
 from executive.core.recording import (
@@ -142,6 +142,46 @@ def test_the_missing_parts_of_a_recording_are_named(items: list[Item]) -> None:
     assert missing_for_fork(kinds) == ()
     (line,) = missing_for_fork(kinds - {TimelineStarted})
     assert line.startswith("/sim/timeline is missing: the reports that commands")
+
+
+@pytest.mark.parametrize("text", ["{", "[" * 100_000])
+def test_a_text_that_cannot_be_read_is_a_bad_recording(text: str, tmp_path: Path) -> None:
+    with closing(RunFile(tmp_path / "bad.mcap")) as tape:
+        tape.put(SimulationStarted(0.0, text))
+    reader = RunReader(tmp_path / "bad.mcap")
+    (message,) = reader.messages()
+    with pytest.raises(RecordingError, match="/sim/world cannot be decoded"):
+        reader.decoded(message)
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ('{"world": {"fricton": 1}}', "world: unknown key 'fricton'"),
+        (
+            '{"world": {}, "picture": {"width": 9999}}',
+            "picture.width: 9999 is not in 1 .. 1280",
+        ),
+        ("3", "expected keys and values"),
+    ],
+)
+def test_an_invalid_simulation_is_named_by_its_key(text: str, fault: str) -> None:
+    with pytest.raises(ValueError, match="/sim/world of the recording") as raised:
+        Simulation.of(SimulationStarted(0.0, text))
+    assert fault in str(raised.value)
+
+
+def test_the_simulation_takes_less_than_a_tenth_of_a_recording(stuck: Path, tmp_path: Path) -> None:
+    reader = RunReader(stuck)
+    with closing(RunFile(tmp_path / "without.mcap")) as tape:
+        for message in reader.messages():
+            item = reader.decoded(message)
+            if isinstance(item, Truth) or not isinstance(item, SimulationItem | EmergencyStopped):
+                tape.put(item)
+    size_octets, before_octets = (
+        path.stat().st_size for path in (stuck, tmp_path / "without.mcap")
+    )
+    assert 1.0 < size_octets / before_octets < 1.1
 
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in scenario_folder().glob("*.yaml")))
