@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
+from adapters.mrs.cli import QuantityType
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -25,10 +27,13 @@ SHOWS: Final = {
     "mocup": ("mocup",),
     "relay": ("relay",),
     "assets": ("both_jackal", "both_mocup"),
+    "delay": ("delayed",),
 }
 """Scenarios in config/demo that run at the same time, by demonstration."""
 NO_CONSOLE: Final = "a console in a browser needs the extra ground: rover-executive[ground]"
 ENDS: Final = "\nThe rover and its console have ended; --stay leaves them running."
+MAX_DELAY_S: Final = 20.0
+"""Maximum round-trip time, s: a later stop of config/demo/delayed.yaml misses the drive."""
 CONSOLE_AFTER: Final = 80
 """Offset of the console's port from the rover's, as for the default ports 21000 and 21080."""
 
@@ -47,6 +52,13 @@ CONSOLE_AFTER: Final = 80
     "--assets",
     is_flag=True,
     help="Use both rovers at once, each over the direct link and over the orbiter.",
+)
+@click.option(
+    "--delay",
+    type=QuantityType("s"),
+    metavar="TIME",
+    help="Round-trip time of a simulated link to the Jackal, such as 10s: at most 20s with the"
+    " session.",
 )
 @click.option("--seed", default=0, show_default=True, help="Seed of the sensor noise.")
 @click.option(
@@ -74,6 +86,7 @@ def demo(
     mocup: bool,
     relay: bool,
     assets: bool,
+    delay: float | None,
     seed: int,
     speed: float | None,
     port: int | None,
@@ -91,6 +104,10 @@ def demo(
     interrupted. With --assets two rovers are commanded at once, over both links. A timeline shows
     the location of each command over time.
 
+    With --delay, commands and reports pass through a simulated link with light time (rover link).
+    The stop is then sent once the start of the drive is reported, and arrives about one round trip
+    after it; the rover drives slowly until then.
+
     rover-console serves browsers at the address that is printed first. Without --stay the
     demonstration uses a free port and a free ROS domain on this machine. With --stay the rover uses
     the default address of `rover command`, `rover status` and `rover watch`. With --port the rover
@@ -104,13 +121,17 @@ def demo(
       rover demo --mocup
       rover demo --relay
       rover demo --assets
+      rover demo --delay 10s
       rover demo --seed 7 --speed 2 --out drive
       rover demo --stay --port 22000
 
     \b
     Exit status: 0 all expectations are met, 1 some are not, or a process ended.
     """
-    show = _show(mocup=mocup, relay=relay, assets=assets)
+    show = _show(mocup=mocup, relay=relay, assets=assets, delay=bool(delay))
+    round_trip_s = delay or 0.0
+    if round_trip_s < 0.0 or (not no_session and round_trip_s > MAX_DELAY_S):
+        raise click.UsageError(f"--delay is 0 to {MAX_DELAY_S:g} s, or any with --no-session")
     if relay and speed is not None:
         raise click.UsageError("--speed does not work with --relay: contacts are planned in UTC")
     import asyncio
@@ -130,7 +151,7 @@ def demo(
 
     mode = RunMode.RELAY if relay else RunMode.DIRECT
     if speed is None and show != DEFAULT:
-        speed = 1.0  # a brick and a contact plan have clocks of their own
+        speed = 1.0  # a brick, a contact plan and a delayed link have clocks of their own
     try:
         require("rclpy")
         with ExitStack() as running:
@@ -140,12 +161,16 @@ def demo(
                 else running.enter_context(allocate_address(port or ANY_PORT))
             )
             folder = _make_folder(out)
-            scenarios = _scenarios(show, mode, seed, played=not no_session)
+            scenarios = _scenarios(show, mode, seed, round_trip_s, played=not no_session)
             several = len(scenarios) > 1
             folders = [folder / each.settings.asset if several else folder for each in scenarios]
             relayed = folder if relay or assets else None
             fleet = running.enter_context(
-                fleet_of(scenarios, folders, address, relayed, speed, restart=True)
+                fleet_of(
+                    *(scenarios, folders, address, relayed, speed),
+                    restart=True,
+                    round_trip_s=round_trip_s,
+                )
             )
             # Imported while the processes start: these imports take as long as theirs.
             from sim.demo.display import make_console
@@ -156,8 +181,9 @@ def demo(
             operations = None
             if not no_console:
                 uris = asyncio.run(_uris(fleet))
+                console_port = None if port is None else port + CONSOLE_AFTER
                 operations = running.enter_context(
-                    operations_console(folder, uris, None if port is None else port + CONSOLE_AFTER)
+                    operations_console(folder, uris, console_port, round_trip_s)
                 )
                 if operations is None:
                     console.print(NO_CONSOLE, markup=False)
@@ -173,7 +199,9 @@ def demo(
         raise click.ClickException(str(error)) from error
 
 
-def _scenarios(show: str, mode: "RunMode", seed: int, *, played: bool) -> "Sequence[Scenario]":
+def _scenarios(
+    show: str, mode: "RunMode", seed: int, round_trip_s: float, *, played: bool
+) -> "Sequence[Scenario]":
     """Return the scenarios of a demonstration; without `played` their timelines are empty."""
     from executive.settings import config_folder
     from sim.scenario.reading import load_scenario
@@ -181,7 +209,9 @@ def _scenarios(show: str, mode: "RunMode", seed: int, *, played: bool) -> "Seque
     paths = [config_folder() / "demo" / f"{name}.yaml" for name in SHOWS[show]]
     loaded = [replace(load_scenario(str(path), mode), seed=seed) for path in paths]
     return [
-        replace(each, duration_s=MAX_DURATION_S) if played else replace(each, timeline=())
+        replace(each, duration_s=MAX_DURATION_S + 2 * len(each.timeline) * round_trip_s)
+        if played
+        else replace(each, timeline=())
         for each in loaded
     ]
 
@@ -242,6 +272,8 @@ def _proposals(fleet: "Fleet", uris: Sequence[str], domain: int, *, known: bool)
     for number, rover in enumerate(fleet.rovers):
         asset = rover.settings.asset
         there = "" if known and not number else f" --to 127.0.0.1:{rover.address.port}"
+        if rover.round_trip_s:
+            there += f" --delay {rover.round_trip_s:g}s"
         proposed = [f"command{there} moveTo 3 2 --heading 90deg", f"command{there} stop"]
         proposed += [f"command{there} resume", f"status{there}"]
         watch = "watch" if asset == DEFAULT else f"watch --asset {asset}"

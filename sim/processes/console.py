@@ -33,7 +33,7 @@ class OperationsConsole(ProcessGroup):
 
 @contextmanager
 def operations_console(
-    folder: Path, uris: Sequence[str], port: int | None = None
+    folder: Path, uris: Sequence[str], port: int | None = None, round_trip_s: float = 0.0
 ) -> Iterator[OperationsConsole | None]:
     """Yield a console of rovers, with its log and archive in a folder.
 
@@ -44,7 +44,7 @@ def operations_console(
         yield None
         return
     to = [word for uri in uris for word in ("--to", uri)]
-    arguments = [*to, "--data", str(folder / "console")]
+    arguments = [*to, "--delay", f"{round_trip_s}s", "--data", str(folder / "console")]
     if port is not None:
         arguments += ["--port", str(port)]
     elif PORT_VARIABLE not in os.environ and not is_free(PORT):

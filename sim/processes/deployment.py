@@ -28,7 +28,14 @@ from adapters.relay.orbiter import OrbiterSettings, RelayedRoverSettings, load_o
 from adapters.relay.rover import RelaySettings, load_relay
 from executive.settings import LocomotionKind, Settings, SettingsError, config_folder, load_settings
 from sim.processes.children import ChildProcess, ProcessGroup
-from sim.processes.rover_address import ANY_PORT, HOST, RoverAddress, free_udp_ports, is_free
+from sim.processes.rover_address import (
+    ANY_PORT,
+    HOST,
+    RoverAddress,
+    free_tcp_port,
+    free_udp_ports,
+    is_free,
+)
 
 SILENT_AFTER_S: Final = 5.0
 HEALTH_INTERVAL_S: Final = 1.0
@@ -79,6 +86,7 @@ class Deployment(ProcessGroup):
         aboard: data folder of the executive.
         speed: simulated seconds per second; with `paced`, the maximum.
         paced: whether simulated time waits for late ticks of the executive.
+        round_trip_s: that of the simulated link before its executive, s; 0 without one.
     """
 
     def __init__(
@@ -89,13 +97,16 @@ class Deployment(ProcessGroup):
         speed: float | None,
         executive: ChildProcess,
         *others: ChildProcess,
+        link: ChildProcess | None = None,
+        round_trip_s: float = 0.0,
     ) -> None:
-        super().__init__(*others, executive)
+        super().__init__(*others, executive, *([link] if link else []))
         self.address = address
         self.settings = settings
         self.aboard = aboard
         self.speed, self.paced = speed or 1.0, speed is None
-        self._executive = executive
+        self.round_trip_s = round_trip_s
+        self._executive, self._link = executive, link
 
     @property
     def simulated_time(self) -> bool:
@@ -110,6 +121,11 @@ class Deployment(ProcessGroup):
         """
         return await self.wait_for_output(self._executive, LISTENS)
 
+    async def ground_uri(self) -> str:
+        """Wait as `uri` does, and return the address for clients: of the simulated link, if any."""
+        uri = await self.uri()
+        return uri if self._link is None else await self.wait_for_output(self._link, LISTENS)
+
 
 @contextmanager
 def run_deployment(
@@ -120,6 +136,7 @@ def run_deployment(
     seed: int,
     video_to: str | None = None,
     speed: float | None = 1.0,
+    round_trip_s: float = 0.0,
 ) -> Iterator[Deployment]:
     """Yield a rover in a world; at the end the executive ends before the rover.
 
@@ -132,6 +149,7 @@ def run_deployment(
         video_to: HOST:PORT of the ground's end of the video stream; None as in the asset.
         speed: simulated seconds per second, for all processes; None for real time that waits for
             late ticks of the executive.
+        round_trip_s: light time of a simulated link, which has the port then; 0 for no link.
     """
     folder.mkdir(parents=True, exist_ok=True)
     aboard = folder / "aboard"
@@ -163,16 +181,27 @@ def run_deployment(
         followed = (*clock, "-p", "use_sim_time:=true") if clock else ()
         brick = (*cable, "--asset", settings.asset, "--data", str(aboard))  # it accepts names only
         between = (start("nxt", "sim.brick.nxt", *brick, *followed),) if cable else ()
+        port = free_tcp_port() if round_trip_s else address.port
         executive = start(
             "executive",
             "adapters.onboard.process",
-            *("--port", str(address.port), "--data", str(aboard)),
+            *("--port", str(port), "--data", str(aboard)),
             *(() if cable else ("--relay",)),
             *(("--video-from", stream) if stream else ()),
             *(("--video-to", video_to) if stream and video_to else ()),
             *followed,
         )
-        yield Deployment(address, settings, aboard, speed, executive, simulation, *between)
+        link = None
+        if round_trip_s:
+            ports = ("--to", f"{HOST}:{port}", "--port", str(address.port))
+            options = (*ports, "--delay", f"{round_trip_s}s")
+            link = ChildProcess("link", "sim.processes.delayed_link", options, folder, environment)
+            running.callback(link.end)
+        yield Deployment(
+            *(address, settings, aboard, speed, executive, simulation, *between),
+            link=link,
+            round_trip_s=round_trip_s,
+        )
 
 
 def relay_settings(

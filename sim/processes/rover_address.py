@@ -117,6 +117,13 @@ def is_free(port: int) -> bool:
     return True
 
 
+def free_tcp_port() -> int:
+    """Return a free TCP port, for a process with a port that another one must know."""
+    with socket.socket() as probe:
+        probe.bind((HOST, ANY_PORT))
+        return int(probe.getsockname()[1])
+
+
 def free_udp_ports(count: int) -> list[int]:
     """Return free UDP ports, for processes that must know each other's ports in advance."""
     with ExitStack() as held:

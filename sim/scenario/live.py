@@ -93,6 +93,7 @@ async def run_in_setup(
         brief,
         speed,
         on_update=on_update,
+        round_trip_s=scene.rover.round_trip_s,
     )
     async with AsyncExitStack() as watching:
         if scene.ground is not None:
@@ -123,7 +124,8 @@ async def ready(scene: LiveScene, mode: RunMode) -> str:
     try:
         async with asyncio.timeout(START_S):
             uri = await scene.uri(mode)
-            await _wait_received(uri, scene, mode)
+            near = uri if mode is RunMode.RELAY else await scene.rover.uri()  # without a delay
+            await _wait_received(near, scene, mode)
             return uri
     except TimeoutError as error:
         raise TimeoutError(f"the rover was not ready after {START_S:.0f} s") from error

@@ -28,6 +28,7 @@ from adapters.mrs.spec import (
     rover_values_of,
     utc_s_of,
 )
+from adapters.mrs.transport import TransportSettings
 from adapters.system import OPERATING_SYSTEM, System
 from adapters.video import JpegStream
 from executive.commands import Command
@@ -90,6 +91,7 @@ class LiveSession:
         speed: seconds of the scenario per second, if the simulation is fast enough.
         system: clock.
         on_update: called with the record after each addition.
+        round_trip_s: light time of the direct link, for timeouts.
     """
 
     def __init__(
@@ -105,8 +107,10 @@ class LiveSession:
         speed: float = 1.0,
         system: System = OPERATING_SYSTEM,
         on_update: Callable[[Record], None] = lambda _: None,
+        round_trip_s: float = 0.0,
     ) -> None:
         self._system = system
+        self._terms = TransportSettings(round_trip_s=round_trip_s)
         self._uris, self._mode, self._load, self._brief = uris, mode, load, brief
         self._on_update = on_update
         self._poll = poll
@@ -146,7 +150,7 @@ class LiveSession:
         return self._record.since_start_s(self._system.utc_s())
 
     async def _connect(self, link: str) -> "DownlinkSubscriptions":
-        client = await MrsClient.connect(self._uris[link], system=self._system)
+        client = await MrsClient.connect(self._uris[link], terms=self._terms, system=self._system)
         line = DownlinkSubscriptions(client, self._record, link, self._system, self._on_change)
         self._lines[link] = line
         await line.begin()

@@ -61,7 +61,7 @@ class Fleet:
     async def uri(self, rover: Deployment, mode: RunMode) -> str:
         """Wait until the MRS of a rover is served on a link, and return its URI."""
         if mode is not RunMode.RELAY:
-            return await rover.uri()
+            return await rover.ground_uri()
         assert self.orbiter is not None
         return await self.orbiter.uri(rover.settings.asset)
 
@@ -115,6 +115,7 @@ def fleet_of(
     speed: float | None = 1.0,
     video_to: str | None = None,
     restart: bool = False,
+    round_trip_s: float = 0.0,
 ) -> Iterator[Fleet]:
     """Start rovers in one ROS domain, one for each scenario, and yield them.
 
@@ -126,6 +127,7 @@ def fleet_of(
         speed: simulated seconds per second; None for real time that waits for late ticks.
         video_to: HOST:PORT on the ground for the video stream; None for the asset's setting.
         restart: whether a `rover-relay` that ends by itself is restarted.
+        round_trip_s: light time of a simulated link before each rover; 0 for none.
 
     Raises:
         TimeoutError: an executive did not start in time for planned outages.
@@ -140,6 +142,7 @@ def fleet_of(
                     scenario.seed,
                     video_to,
                     speed,
+                    round_trip_s,
                 )
             )
             for number, (scenario, folder) in enumerate(zip(scenarios, folders, strict=True))

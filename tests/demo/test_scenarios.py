@@ -81,7 +81,7 @@ def test_each_command_is_expected_to_end_somehow(name: str) -> None:
     ]
 
 
-@pytest.mark.parametrize("name", ["jackal", "mocup"])
+@pytest.mark.parametrize("name", ["jackal", "mocup", "delayed"])
 def test_it_holds_in_lock_step(name: str) -> None:
     played = CliRunner().invoke(scenario, [str(FOLDER / f"{name}.yaml")])
     assert played.exit_code == 0, played.output

@@ -33,7 +33,7 @@ IDLE_LIMIT_S = 3600
 START = "./rover demo --no-session"
 STARTS = (START, f"{START} --relay")
 """What pages start. Who has the second has the first."""
-KNOWN_PORTS = ("21000", "21001", "21081", "21100")
+KNOWN_PORTS = ("21000", "21001", "21081", "21100", "21500")
 OTHER_TESTS = {
     "./rover demo --stay": "tests/demo plays it",
     "./rover test": "is what runs this",
@@ -41,6 +41,7 @@ OTHER_TESTS = {
 CONSOLE = ".venv/bin/rover-console"
 STAYS = {
     START: "Ctrl-C ends it.",
+    "./rover link": "listens at",
     "./rover watch": "? rover",
     "./rover files watch": "watching the files",
     ".venv/bin/rover-sim": "stands in world",

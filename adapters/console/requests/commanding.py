@@ -151,7 +151,10 @@ class Commanding:
                 authority=self._desk.claim(link, operator),
             )
             args = posted.args if isinstance(posted.args, dict) else {}
-            status = sent_status(posted.id, posted.asset, operator, link.kind, command, args)
+            status = sent_status(
+                *(posted.id, posted.asset, operator, link.kind, command, args),
+                round_trip_s=link.delay.declared_s,
+            )
             claimed = await self._claim(status)
         _LOG.info("%s %s: %s of %s", posted.asset, command.identity, posted.name, operator)
         self._tracker.register(status)
@@ -201,8 +204,9 @@ class Commanding:
                 reached, or does not answer in time.
         """
         try:
-            async with asyncio.timeout(timeout_s):
-                return await request(self.client(asset))
+            link = self.link(asset, None)
+            async with asyncio.timeout(timeout_s + link.delay.declared_s):
+                return await request(self._desk.client(link))
         except MalError as error:
             late = error.number == StandardError.DELIVERY_TIMEDOUT.value
             status = HTTPStatus.SERVICE_UNAVAILABLE if late else refusal

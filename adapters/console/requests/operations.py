@@ -85,7 +85,7 @@ class OperationRequests:
         lease_s = None if lease_s is None else float(lease_s)
         wish = AuthorityRequest(action, request[OPERATOR], to=to, lease_s=lease_s)
         try:
-            async with asyncio.timeout(QUERY_TIMEOUT_S):
+            async with asyncio.timeout(QUERY_TIMEOUT_S + link.delay.declared_s):
                 return json_response(await self._desk.request(link, wish))
         except TimeoutError as error:
             text = f"{link.asset} does not answer: the result is unknown"

@@ -108,7 +108,10 @@ class Stops:
         command = Command(identity, Stop(), LINK, created_utc_s=now_s)
         _LOG.warning("%s stops %s: %s", operator, name, identity)
         # Not claimed first; other consoles derive the same id.
-        status = sent_status(f"{name}:{identity}", name, operator, link.kind, command, {})
+        status = sent_status(
+            *(f"{name}:{identity}", name, operator, link.kind, command, {}),
+            round_trip_s=link.delay.declared_s,
+        )
         self._tracker.register(status)
         stop = StopStatus(name, status.id, operator, now_s - age_s, now_s, StopState.WAITING)
         pending = self._pending[name] = _Pending(stop, command, end_s)

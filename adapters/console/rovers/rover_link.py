@@ -198,8 +198,8 @@ class RoverLink:
         )
         async with client:
             notifications = client.notifications()  # before the first await, so that none is missed
-            self.info = await client.get_asset()
-            definitions = await client.list_definition()
+            queries = client.get_asset(), client.list_definition()
+            self.info, definitions = await asyncio.gather(*queries)
             relayed = any(each.name == NEXT_CONTACT for each in definitions)
             self.kind = LinkKind.RELAY if relayed else LinkKind.DIRECT
             self.client, self._was_up = client, True
@@ -217,10 +217,8 @@ class RoverLink:
         notifications: Stream[ReceivedReport],
         telemetry: Stream[ReceivedValue] | None,
     ) -> None:
-        with suppress(MalError):  # initial values, since telemetry intervals may be long
-            for value in await client.get_value():
-                self._on_value(value)
         async with asyncio.TaskGroup() as tasks:
+            tasks.create_task(self._request_values(client))
             tasks.create_task(self._receive_notifications(client, notifications))
             if telemetry is not None:
                 tasks.create_task(self._receive_stream(telemetry, self._on_value))
@@ -236,6 +234,12 @@ class RoverLink:
             if self.kind is LinkKind.DIRECT:
                 tasks.create_task(self._poll_directory(client))
                 tasks.create_task(self._request_arguments(client))
+
+    async def _request_values(self, client: MrsClient) -> None:
+        """Request the initial values, since telemetry intervals may be long."""
+        with suppress(MalError):
+            for value in await client.get_value():
+                self._on_value(value)
 
     async def _receive_notifications(
         self, client: MrsClient, stream: Stream[ReceivedReport]

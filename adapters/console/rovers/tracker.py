@@ -47,14 +47,21 @@ from executive.commands import Command
 from executive.values.reports import Identity
 
 REPORT_TIMEOUT_S: Final = 10.0
-"""Timeout for the first report on a sent command, and for a lost link, s; chosen, not measured."""
+"""Timeout for the first report on a sent command, beyond the declared round-trip time of the link,
+and for a lost link, s; chosen, not measured."""
 CHECK_S: Final = 1.0
 MAX_COMMANDS: Final = 5000
 """Maximum number of tracked commands; beyond it the earliest ended ones are dropped."""
 
 
 def sent_status(
-    name: str, asset: str, by: str, link: LinkKind, command: Command, args: dict[str, Any]
+    name: str,
+    asset: str,
+    by: str,
+    link: LinkKind,
+    command: Command,
+    args: dict[str, Any],
+    round_trip_s: float = 0.0,
 ) -> CommandStatus:
     """Return the status of a command that is about to be sent.
 
@@ -65,6 +72,7 @@ def sent_status(
         link: link over which it is sent.
         command: the command, with its creation time.
         args: its posted arguments.
+        round_trip_s: declared round-trip time of the link.
     """
     now_s = command.created_utc_s
     assert now_s is not None, "a command of the console has its creation time"
@@ -80,7 +88,7 @@ def sent_status(
         state=CommandState.SENDING,
         ended=False,
         created=now_s,
-        deadline=now_s + REPORT_TIMEOUT_S,
+        deadline=now_s + REPORT_TIMEOUT_S + round_trip_s,
         history=(StageEntry(SENT, CONSOLE, now_s, now_s, f"by {by}"),),
     )
 
@@ -243,7 +251,8 @@ class CommandTracker:
                 self.mark_all_unknown(asset, f"no link for {REPORT_TIMEOUT_S:g} s")
         for command in tuple(self._commands.values()):
             if command.deadline is not None and now_s > command.deadline:
-                self.mark_unknown(command.id, f"no report for {REPORT_TIMEOUT_S:g} s")
+                waited_s = command.deadline - command.created
+                self.mark_unknown(command.id, f"no report for {waited_s:g} s")
 
     def _own_stage(self, stage: str, node: str, detail: str = "") -> StageEntry:
         now_s = self._utc()

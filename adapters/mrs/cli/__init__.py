@@ -4,6 +4,7 @@ Other sub-commands and processes use `terminal` and `options`: `to_option` for t
 encoding and certificates of a rover, `add_terms_options` for those of a server process.
 """
 
+from adapters.mrs.cli.options import QuantityType as QuantityType
 from adapters.mrs.cli.options import RoverTarget as RoverTarget
 from adapters.mrs.cli.options import add_terms_options as add_terms_options
 from adapters.mrs.cli.options import json_option as json_option

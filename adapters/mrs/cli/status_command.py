@@ -3,7 +3,7 @@
 import asyncio
 import sys
 from collections.abc import AsyncIterator, Awaitable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import degrees
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
@@ -23,7 +23,7 @@ from adapters.mrs.cli.terminal import (
     table,
     utc,
 )
-from adapters.mrs.ground import MrsClient
+from adapters.mrs.ground import LinkDelay, MrsClient
 from adapters.mrs.spec import (
     MAP_HOUSEKEEPING,
     POSE_HOUSEKEEPING,
@@ -120,6 +120,7 @@ class _StatusSnapshot:
     faults: FaultStatus | None
     suspended: tuple[PlanUpdate, ...]
     authority: AuthorityStatus | None
+    delay: LinkDelay
 
     @property
     def values(self) -> dict[str, float | str | None]:
@@ -138,6 +139,7 @@ class _StatusSnapshot:
             "activePlan": self.status.activePlan,
             "videoOn": self.camera.videoOn,
             "authority": self.authority,
+            "roundTrip": self.delay.round_trip_s,
             "why": faults.why if faults else None,
             "faults": faults.active if faults else None,
             "unmonitored": faults.unmonitored if faults else None,
@@ -163,6 +165,7 @@ class _StatusSnapshot:
             *((authority_line(self.authority),) if self.authority else ()),
             _position_text(values, self.camera),
             _not_monitored(faults),
+            *((_delay_line(self.delay),) if self.delay.is_noticeable else ()),
             f"{utc(self.status.timestamp)} UTC aboard",
         )
         rows = (
@@ -199,13 +202,21 @@ async def _show(to: RoverTarget, watch: bool, as_json: bool) -> None:
 
 
 async def _snapshots(client: MrsClient) -> AsyncIterator[_StatusSnapshot]:
-    asset, definitions = await client.get_asset(), await client.list_definition()
+    now_s = asyncio.get_running_loop().time
+    asset, definitions = await asyncio.gather(client.get_asset(), client.list_definition())
     while True:
-        camera, status = await client.get_camera_state(), await client.get_status()
-        faults = await _answer_or(client.get_faults(), None)
+        requested_s = now_s()
+        camera, status, faults, authority = await asyncio.gather(
+            client.get_camera_state(),
+            client.get_status(),
+            _answer_or(client.get_faults(), None),
+            _answer_or(client.authority.status(), None),
+        )
+        delay = replace(client.delay, measured_s=now_s() - requested_s)
         suspended = await suspended_plans(client, status.mode)
-        authority = await _answer_or(client.authority.status(), None)
-        yield _StatusSnapshot(asset, definitions, camera, status, faults, suspended, authority)
+        yield _StatusSnapshot(
+            asset, definitions, camera, status, faults, suspended, authority, delay
+        )
         await asyncio.sleep(REFRESH_S)
 
 
@@ -223,6 +234,11 @@ async def suspended_plans(client: MrsClient, mode: AssetMode) -> tuple[PlanUpdat
         return ()
     plans = await _answer_or(client.get_plan_status(), ())
     return tuple(plan for plan in plans if plan.status is PlanStatus.SUSPENDED)
+
+
+def _delay_line(delay: LinkDelay) -> str:
+    """Return the round-trip time in one line: this state is half of it old."""
+    return f"round trip {delay.round_trip_s:.1f} s, declared {delay.declared_s:g} s"
 
 
 def _work_line(status: AssetStatus) -> str:

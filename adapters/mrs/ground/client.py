@@ -83,7 +83,7 @@ class MrsClient(Queries):
 
     After a loss it reconnects, subscribes again, and catches up with missed notifications. While
     connected it sends a heartbeat request once a second, so that the rover detects the contact
-    even without commands; on a link with a delay also while answers are under way. All methods
+    even without commands; on a link with a delay also while answers are pending. All methods
     raise ConnectionError if the link does not recover in time, and MalError if the rover answers
     with an error.
 
@@ -356,7 +356,7 @@ class MrsClient(Queries):
         await self._submit_operation("Monitoring", "publishParameters", values)
 
     async def _send_heartbeats(self) -> None:
-        """Send heartbeats; further ones while those under way cannot have been answered yet."""
+        """Send heartbeats; further ones while the pending ones cannot have been answered yet."""
         max_count = 1 + int(self.delay.declared_s / HEARTBEAT_S)
         async with asyncio.TaskGroup() as tasks:
             waiting: set[asyncio.Task[None]] = set()

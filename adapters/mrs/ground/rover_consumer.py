@@ -159,6 +159,11 @@ class RoverConsumer:
         self._lost = asyncio.Event()
         self._watches = [asyncio.create_task(self._watch(directory))]
 
+    @property
+    def is_distributed(self) -> bool:
+        """Whether the directory lists services at other addresses than its own."""
+        return bool(self._locations.providers or self._locations.brokers)
+
     async def discover(self, uri: MalUri) -> None:
         """Query the directory, connected at this URI; raises as `request` does."""
         (found,) = await self._directory.request(DIRECTORY, "getServices")

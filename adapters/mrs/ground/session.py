@@ -118,14 +118,25 @@ class RoverSession:
     async def open(self, *, patiently: bool = False) -> None:
         """Connect for the first time.
 
+        On a link with a noticeable delay the directory's address is used for all services until
+        its answer, so that a command does not wait for it: a stop arrives after one light time.
+
         Args:
             patiently: whether to retry as after a loss.
 
         Raises:
             ConnectionError: no rover answers there.
         """
-        consumer = await (self._reconnect() if patiently else self._connect())
-        self._keeper = asyncio.create_task(self._reconnect_loop(consumer))
+        set_up: tuple[asyncio.Future[None], ...] = ()
+        if patiently or self._terms.round_trip_s < NOTICEABLE_S or self._restore is None:
+            consumer = await (self._reconnect() if patiently else self._connect())
+        else:
+            consumer = await self._dial()
+            steps = consumer.discover(self.uri), self._restore(consumer)
+            set_up = tuple(map(asyncio.ensure_future, steps))
+            await asyncio.sleep(0)  # both send their first request, before any command
+            self._use(consumer)
+        self._keeper = asyncio.create_task(self._reconnect_loop(consumer, *set_up))
 
     async def consumer(self) -> RoverConsumer:
         """Return the consumer, once it is connected.
@@ -156,7 +167,15 @@ class RoverSession:
             if consumer is not None:
                 await consumer.close()
 
-    async def _reconnect_loop(self, consumer: RoverConsumer) -> None:
+    async def _reconnect_loop(self, consumer: RoverConsumer, *set_up: asyncio.Future[None]) -> None:
+        try:
+            await asyncio.gather(*set_up)
+            if set_up and consumer.is_distributed and self._restore is not None:
+                await self._restore(consumer)
+        except (MalError, ConnectionError) as error:
+            fault = self._wrong_answer(error) if isinstance(error, MalError) else error
+            self._fail(fault)
+            return await consumer.close()
         while True:
             await consumer.wait_lost()
             self._settled.clear()
@@ -170,12 +189,14 @@ class RoverSession:
                     raise ConnectionError(f"the connection with {self.uri} was lost")
                 consumer = await self._reconnect()
             except ConnectionError as fault:
-                self._consumer, self._fault = None, fault
-                self._settled.set()
-                if self._on_failure is not None:
-                    self._on_failure(fault)
-                return
+                return self._fail(fault)
             _LOG.warning("connection with %s recovered", self.uri)
+
+    def _fail(self, fault: ConnectionError) -> None:
+        self._consumer, self._fault = None, fault
+        self._settled.set()
+        if self._on_failure is not None:
+            self._on_failure(fault)
 
     async def _reconnect(self) -> RoverConsumer:
         loop = asyncio.get_running_loop()
@@ -188,12 +209,14 @@ class RoverSession:
                     raise
                 await asyncio.sleep(RECONNECT_S)
 
-    async def _connect(self) -> RoverConsumer:
+    async def _dial(self) -> RoverConsumer:
         try:
-            directory = await self._dialer.connect(self.uri)
+            return RoverConsumer(await self._dialer.connect(self.uri), self._dialer)
         except MalError as error:
             raise self._no_answer(error) from error
-        consumer = RoverConsumer(directory, self._dialer)
+
+    async def _connect(self) -> RoverConsumer:
+        consumer = await self._dial()
         try:
             await consumer.discover(self.uri)
             if self._restore is not None:
@@ -203,9 +226,12 @@ class RoverSession:
             if isinstance(error, MalError):
                 raise self._wrong_answer(error) from error
             raise
+        self._use(consumer)
+        return consumer
+
+    def _use(self, consumer: RoverConsumer) -> None:
         self._consumer = consumer
         self._settled.set()
-        return consumer
 
     def _no_answer(self, error: MalError) -> ConnectionError:
         if error.number == StandardError.AUTHENTICATION_FAILED.value:

@@ -152,7 +152,7 @@ class NotificationStream:
         Raises:
             MalError: the connection is lost.
         """
-        if self.behind and self._held is None:  # not while another one is under way
+        if self.behind and self._held is None:  # not beside another one
             held = self._held = []
             await self._catch_up(consumer, held)
 

@@ -18,7 +18,7 @@ const MAP_ORIGIN = ["EXEC_MAP_X", "EXEC_MAP_Y", "EXEC_MAP_HEADING"];
 export const STORED = [...UNCERTAINTY, ...MAP_ORIGIN];
 /** Smaller uncertainties are not shown: m, rad; chosen, not measured. */
 const MIN_UNCERTAINTY = [0.01, 0.005];
-/** Round-trip time from which a link counts as delayed, s, as in adapters/mrs/ground/session.py. */
+/** Minimum round-trip time of a delayed link, s, as in adapters/mrs/ground/session.py. */
 export const NOTICEABLE_S = 1;
 const MAX_FIXES = 20000;
 const MAX_NOTICES = 2000;
@@ -336,7 +336,7 @@ export class Asset extends Topics {
     return this.on("links", update);
   }
 
-  /** The link by which commands are sent by default: the direct one if it is up, else the relay. @returns {LinkStatus | null} */
+  /** The default link of commands: the direct one if it is up, else the relay. @returns {LinkStatus | null} */
   get commandLink() {
     const all = ["direct", "relay"].flatMap((kind) => this.links.get(kind) ?? []);
     return all.find((each) => each.state === "up") ?? all[0] ?? null;
