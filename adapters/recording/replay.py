@@ -18,6 +18,7 @@ from executive.core.recording import (
     CoreCalled,
     ProcessStart,
     ReportSent,
+    SimulationItem,
     TreeChanged,
     TreeNodeState,
 )
@@ -149,6 +150,8 @@ def replay(path: Path, settings: Settings | None = None, to_decision: bool = Fal
     with tempfile.TemporaryDirectory(prefix="rover-replay-") as folder:
         core = None
         for each in read_entries(reader):
+            if isinstance(each, SimulationItem):
+                continue
             if isinstance(each, ProcessStart):
                 histories += 1
                 try:

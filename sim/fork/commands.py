@@ -27,17 +27,21 @@ PLOT: Final = "plot.png"
 )
 @click.option(
     "--set",
+    "settings",
     multiple=True,
     metavar="KEY=VALUE",
     help="Set a key of the rover's settings, as drive.travel_speed=0.6; can be repeated.",
 )
 @click.option(
     "--command",
+    "commands",
     multiple=True,
     metavar="TEXT",
     help="Send a command at that time, typed as for rover command: 'moveTo 3 2 --replace'.",
 )
-@click.option("--drop", multiple=True, metavar="ID", help="Do not send a command, as MOE:2.")
+@click.option(
+    "--drop", "dropped", multiple=True, metavar="ID", help="Do not send a command, as MOE:2."
+)
 @click.option("--without", multiple=True, metavar="FAULT", help="Do not inject a simulated fault.")
 @click.option(
     "--controller",
@@ -58,7 +62,9 @@ PLOT: Final = "plot.png"
     help="Folder for the recording of the first fork, and the plots of both side by side.",
 )
 @json_option
-def whatif(recording: Path, out: Path | None, as_json: bool, **texts: Any) -> None:
+def whatif(
+    recording: Path, at_s: float | None, seeds: int, out: Path | None, as_json: bool, **texts: Any
+) -> None:
     """Simulate a recorded run with other settings, commands, faults or another world.
 
     The first run is without a change: if that does not reproduce the recording, there is no other
@@ -86,13 +92,13 @@ def whatif(recording: Path, out: Path | None, as_json: bool, **texts: Any) -> No
     from sim.fork.forkable import whatif as answer_of
     from sim.fork.model import Fidelity
     from sim.fork.pictures import write_plots
-    from sim.fork.question import Question
+    from sim.fork.question import read_change
     from sim.fork.text import answer_lines
 
-    question = Question(str(recording), **texts)
     try:
+        change = read_change(**texts)
         forked = None if out is None else _new_file(out)
-        answer = answer_of(recording, question.change(), question.at_s, question.seeds, forked)
+        answer = answer_of(recording, change, at_s, seeds, forked)
         if out is not None and answer.forks:
             write_plots([recording, out / FORK], out / PLOT)
     except (RecordingError, SettingsError) as error:
@@ -101,7 +107,7 @@ def whatif(recording: Path, out: Path | None, as_json: bool, **texts: Any) -> No
     if as_json:
         echo_json(answer.document())
     else:
-        for line in answer_lines(answer, question.text):
+        for line in answer_lines(answer, change):
             echo_line(line)
     if answer.fidelity is Fidelity.DIFFERENT:
         sys.exit(DIFFERS)

@@ -37,10 +37,9 @@ from sim.fork.changed import changed_settings, changed_timeline, identities
 from sim.fork.model import Change, Fidelity, ForkOutcome, ForkRun, Placing, WhatIf
 from sim.fork.noise import change_noise
 from sim.fork.run_log import RunLog, first_difference
-from sim.rover import World
+from sim.rover import StartPose, World
 from sim.rover.lockstep import LockStep
 from sim.rover.simulation import Simulation, fault_of
-from sim.rover.world import StartPose
 from sim.scenario.expect_rover import PoseIs, WorldPose
 from sim.scenario.lockstep_run import LockstepRun, run_in_lock_step
 from sim.scenario.model import Cargo, Clear, Entry, Inject, Scenario
@@ -100,6 +99,7 @@ class Forkable:
             commands=log.outcomes(),
             pose=log.pose_at(log.now_s),
             contacts=None,
+            track=log.track(),
             lacks=missing_for_fork(log.kinds | {SimulationState}),
         )
         self.recorded = ForkRun(outcome, record, tuple(log.odometry))
@@ -163,6 +163,7 @@ class Forkable:
             commands=log.outcomes(),
             pose=log.pose_at(log.now_s),
             contacts=record.contacts,
+            track=log.track(),
             first_difference=difference,
             lacks=self.recorded.outcome.lacks,
         )

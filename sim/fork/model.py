@@ -121,6 +121,15 @@ class CommandOutcome:
 
 
 @dataclass(frozen=True, slots=True)
+class TrackPoint:
+    """Position by the odometry at a time."""
+
+    time_s: float
+    x_m: float
+    y_m: float
+
+
+@dataclass(frozen=True, slots=True)
 class FirstDifference:
     """The first decision of a fork that differs from the recorded one.
 
@@ -151,6 +160,7 @@ class ForkOutcome:
         commands: outcome of each command, in the order of their receipt.
         pose: pose at the end: true in simulations, else of the odometry.
         contacts: contacts with rocks, walls and steps that began; None if unknown.
+        track: the driven track.
         first_difference: of the fork against the recording; None if nothing differs.
         lacks: items that are missing for an exact fork, a line each.
     """
@@ -162,6 +172,7 @@ class ForkOutcome:
     commands: tuple[CommandOutcome, ...]
     pose: Pose | None
     contacts: int | None
+    track: tuple[TrackPoint, ...] = ()
     first_difference: FirstDifference | None = None
     lacks: tuple[str, ...] = ()
 

@@ -1,73 +1,44 @@
-"""`Question`: a what-if question as texts, from the command line or another process."""
+"""Reads a `Change` from the texts of a command line."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable
 from pathlib import Path
 
-from executive.settings import Controller, SettingsError, config_folder, figure, named_file
+from adapters.mrs.cli.command_text import read_command_text
+from executive.commands import DIRECT_LINK
+from executive.settings import Controller, SettingsError, config_folder, named_file
 from executive.values.reports import Identity
 from sim.fork.model import AddedCommand, Change
 from sim.rover import World, load_world
 from sim.scenario.changes import Override
 
 
-@dataclass(frozen=True, slots=True)
-class Question:
-    """A question on a recording; its attributes are the options of `rover whatif`."""
+def read_change(
+    settings: Iterable[str],
+    commands: Iterable[str],
+    dropped: Iterable[str],
+    without: Iterable[str],
+    controller: str | None,
+    world: str | None,
+) -> Change:
+    """Return the change of these options of `rover whatif`.
 
-    recording: str
-    at_s: float | None = None
-    set: tuple[str, ...] = ()
-    command: tuple[str, ...] = ()
-    drop: tuple[str, ...] = ()
-    without: tuple[str, ...] = ()
-    controller: str | None = None
-    world: str | None = None
-    seeds: int = figure(1, default=1)
-
-    def change(self) -> Change:
-        """Return the change that it is on.
-
-        Raises:
-            SettingsError: a text cannot be read.
-            click.UsageError: a command has another form.
-        """
-        return Change(
-            settings=tuple(map(_override, self.set)),
-            controller=None if self.controller is None else Controller(self.controller),
-            world=None if self.world is None else _world(self.world),
-            added=tuple(map(_command, self.command)),
-            dropped=tuple(map(_identity, self.drop)),
-            without=self.without,
-        )
-
-    @property
-    def text(self) -> str:
-        """The change as text."""
-        return ", ".join(
-            [
-                *(f"with {each}" for each in self.set),
-                *([f"with {self.controller}"] if self.controller else []),
-                *([f"in {self.world}"] if self.world else []),
-                *(f"with {each!r}" for each in self.command),
-                *(f"without {each}" for each in (*self.drop, *self.without)),
-            ]
-        )
-
-
-def _override(text: str) -> Override:
+    Raises:
+        SettingsError: a text cannot be read.
+    """
     try:
-        return Override.parse(text)
+        overrides = tuple(map(Override.parse, settings))
+        typed = [read_command_text(each, Identity("MOE", 1), DIRECT_LINK) for each in commands]
     except ValueError as error:
-        raise SettingsError(
-            f"--set {error}".replace("world.friction=0.4", "drive.travel_speed=0.6")
-        ) from error
-
-
-def _command(text: str) -> AddedCommand:
-    from adapters.mrs.cli.command_group import read_command
-
-    request, preemption = read_command(text)
-    return AddedCommand(request, preemption=preemption)
+        text = str(error).replace("world.friction=0.4", "drive.travel_speed=0.6")
+        raise SettingsError(text) from error
+    return Change(
+        settings=overrides,
+        controller=None if controller is None else Controller(controller),
+        world=None if world is None else _world(world),
+        added=tuple(AddedCommand(each.request, preemption=each.preemption) for each in typed),
+        dropped=tuple(map(_identity, dropped)),
+        without=tuple(without),
+    )
 
 
 def _identity(text: str) -> Identity:

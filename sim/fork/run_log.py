@@ -36,7 +36,7 @@ from executive.history import RunHistory
 from executive.values.facts import Odometry
 from executive.values.geometry import Pose
 from executive.values.reports import Identity, Report, ReportKind
-from sim.fork.model import CommandOutcome, FirstDifference
+from sim.fork.model import CommandOutcome, FirstDifference, TrackPoint
 from sim.scenario.model import Send
 from sim.scenario.record import TruePose
 
@@ -51,6 +51,7 @@ ACTS: Final = (
     ModeChanged,
 )
 """Decisions that count as different; others are texts and values that follow from these."""
+TRACK_TICKS: Final = 4
 NOTHING: Final = "nothing"
 DIGITS: Final = 6
 """Decimal digits of seconds: stamps in UTC have no finer ones."""
@@ -145,6 +146,11 @@ class RunLog:
             lifetime_s=command.lifetime_s,
             replace=command.preemption is PreemptionPolicy.REPLACE,
         )
+
+    def track(self) -> tuple[TrackPoint, ...]:
+        """Return the positions of the odometry, one for each `TRACK_TICKS`."""
+        points = ((each.time_s, each.pose) for each in self.odometry[::TRACK_TICKS])
+        return tuple(TrackPoint(time_s, pose.x_m, pose.y_m) for time_s, pose in points)
 
     def until(self, end_s: float) -> tuple[Sequence[object], Sequence[TruePose]]:
         """Return decisions and true poses before a time."""

@@ -4,12 +4,14 @@ from collections.abc import Iterator, Sequence
 from itertools import chain
 from math import degrees
 
+from executive.commands import declaration_of
 from executive.values.geometry import Pose
-from sim.fork.model import CommandOutcome, Fidelity, FirstDifference, ForkOutcome, WhatIf
+from sim.fork.model import Change, CommandOutcome, Fidelity, FirstDifference, ForkOutcome, WhatIf
 
 
-def answer_lines(answer: WhatIf, change: str) -> Iterator[str]:
-    """Yield the answer; `change` describes the change of the question."""
+def answer_lines(answer: WhatIf, changes: Change) -> Iterator[str]:
+    """Yield the answer to a question, with its change."""
+    change = ", ".join(_changes(changes))
     recorded, unchanged = answer.recorded, answer.unchanged
     yield from recorded.lacks
     if answer.fidelity is Fidelity.DIFFERENT:
@@ -29,6 +31,16 @@ def answer_lines(answer: WhatIf, change: str) -> Iterator[str]:
     for name, run in (("recorded", unchanged), (change, answer.forks[0])):
         contacts = "" if run.contacts is None else f", {run.contacts} contacts"
         yield f"end {name}: {_pose(run.pose)} after {run.end_s:.1f} s{contacts}"
+
+
+def _changes(change: Change) -> Iterator[str]:
+    yield from (f"with {each}" for each in change.settings)
+    if change.controller is not None:
+        yield f"with {change.controller.value}"
+    if change.world is not None:
+        yield f"in {change.world.name}"
+    yield from (f"with {declaration_of(type(each.request)).name}" for each in change.added)
+    yield from (f"without {each}" for each in (*change.dropped, *change.without))
 
 
 def _difference(difference: FirstDifference | None) -> Iterator[str]:

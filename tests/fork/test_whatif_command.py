@@ -2,20 +2,17 @@
 
 import json
 import re
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
-import click
 import pytest
 from click.testing import CliRunner, Result
 
-from adapters.mrs.cli.command_group import read_command
-from executive.commands import MoveTo, PreemptionPolicy, Waypoint
-from executive.settings import SettingsError
-from sim.fork import __main__ as process
 from sim.fork.commands import whatif
-from sim.fork.model import Fidelity, WhatIf
-from sim.fork.question import Question
+from sim.fork.model import Change, Fidelity, WhatIf
+from sim.fork.question import read_change
 from sim.fork.text import answer_lines
 
 
@@ -41,12 +38,14 @@ def test_the_answer_names_the_difference_and_the_outcomes(stuck: Path, tmp_path:
 
 def test_seeds_are_counted(answer: WhatIf) -> None:
     twice = replace(answer, forks=answer.forks * 2)
-    assert any(each.endswith(" s in 2 of 2") for each in answer_lines(twice, "so"))
+    assert any(each.endswith(" s in 2 of 2") for each in answer_lines(twice, Change()))
 
 
 def test_a_change_without_effect_is_reported(answer: WhatIf) -> None:
     same = replace(answer, forks=(answer.unchanged,))
-    assert list(answer_lines(same, "so"))[1:] == ["so: no decision differs"]
+    assert list(answer_lines(same, Change(without=("tip",))))[1:] == [
+        "without tip: no decision differs"
+    ]
 
 
 def test_the_document_is_json(answer: WhatIf) -> None:
@@ -86,49 +85,20 @@ def test_bad_input_has_status_two(stuck: Path, arguments: tuple[str, ...], text:
     assert text in done.output
 
 
-def test_other_processes_send_json(
-    stuck: Path,
-    answer: WhatIf,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.setattr(process, "whatif", lambda *_: answer)
-    question = {"recording": str(stuck), "without": ["left_wheels_stuck"], "at_s": 2}
-    monkeypatch.setattr("sys.stdin", _Text(json.dumps(question)))
-    with pytest.raises(SystemExit) as ended:
-        process.main()
-    assert ended.value.code == 0
-    assert json.loads(capsys.readouterr().out)["fidelity"] == "BIT_EQUAL"
-    monkeypatch.setattr("sys.stdin", _Text(json.dumps({**question, "wihtout": []})))
-    with pytest.raises(SystemExit) as ended:
-        process.main()
-    assert ended.value.code == 2
-    assert "wihtout" in capsys.readouterr().err
-
-
-class _Text:
-    def __init__(self, text: str) -> None:
-        self._text = text
-
-    def read(self) -> str:
-        return self._text
-
-
-def test_commands_are_typed_as_for_rover_command() -> None:
-    assert read_command("moveTo 3 2 --replace") == (
-        MoveTo(Waypoint(3.0, 2.0)),
-        PreemptionPolicy.REPLACE,
+def test_other_processes_start_the_module(stuck: Path) -> None:
+    ran = subprocess.run(
+        (sys.executable, "-P", "-m", "sim.fork", stuck, "--drop", "MOE:9"),
+        capture_output=True,
+        text=True,
+        check=False,
     )
-    request, preemption = read_command("moveTo -- -3 50cm")
-    assert request == MoveTo(Waypoint(-3.0, 0.5))
-    assert preemption is PreemptionPolicy.APPEND
-    for text in ("", "moveTo 3", "moveTo 3 2 --frame north", "moveTo '3"):
-        with pytest.raises(click.UsageError):
-            read_command(text)
+    assert ran.returncode == 2
+    assert ran.stderr == "Error: no command MOE:9 was sent; there are: " + ", ".join(
+        f"MOE:{number}" for number in range(1, 7)
+    ) + "\n"  # fmt: skip
 
 
-def test_a_question_is_shown_as_text() -> None:
-    question = Question("run.mcap", set=("drive.travel_speed=1",), drop=("MOE:2",))
-    assert question.text == "with drive.travel_speed=1, without MOE:2"
-    with pytest.raises(SettingsError):
-        Question("run.mcap", drop=("MOE",)).change()
+def test_a_change_is_shown_as_text(answer: WhatIf) -> None:
+    change = read_change(["drive.travel_speed=1"], ["stop"], ["MOE:2"], ["tip"], "mpc", "yard")
+    text = "with drive.travel_speed=1, with mpc, in yard, with stop, without MOE:2, without tip"
+    assert any(each.startswith(f"end {text}: ") for each in answer_lines(answer, change))

@@ -1,6 +1,5 @@
 """The command `rover command`: a sub-command for each operator request, from its declaration."""
 
-import shlex
 from collections.abc import Callable, Iterable, Iterator
 from copy import copy
 from difflib import get_close_matches
@@ -343,26 +342,6 @@ def _operation(declaration: CommandDeclaration) -> click.Command:
         callback=send,
         help=help_of(declaration, parameters, "rover command", declaration.examples),
     )
-
-
-def read_command(text: str) -> tuple[Request, PreemptionPolicy]:
-    """Return the request of a text, typed as behind `rover command`: `moveTo 3 2 --replace`.
-
-    Raises:
-        click.UsageError: there is no such operation, or it has other arguments.
-    """
-    try:
-        name, *typed = shlex.split(text)
-    except ValueError as error:
-        raise click.UsageError(f"{text!r} is no command such as 'moveTo 3 2' ({error})") from error
-    known = {each.name: each for each in all_declarations()}
-    declaration = known.get(name)
-    if declaration is None or name not in command.commands:
-        raise command.unknown(click.Context(command), name)
-    parsed = OperationCommand(name, params=[*parameters_of(declaration), _replace()])
-    given = parsed.make_context(name, typed).params
-    preemption = given.pop("preemption")
-    return request_of(declaration, given), preemption
 
 
 def request_of(declaration: CommandDeclaration, given: dict[str, Any]) -> Request:

@@ -37,10 +37,10 @@ from executive.core.recording import (
 )
 from executive.core.runner import Executive
 from executive.motion import SharedSolver
-from executive.values.ports import DelegatedMotionRover, VelocityRover
+from executive.values.ports import DelegatedMotionRover, Downlink, VelocityRover
 from trees import RoverTree
 
-_UNUSED: Final = get_args(SimulationItem)
+_SIMULATION: Final = get_args(SimulationItem)
 
 
 @dataclass(slots=True)
@@ -52,11 +52,16 @@ class RecordedEntry:
     decisions: list[RecordedMessage] = field(default_factory=list)
 
 
-def read_entries(reader: RunReader) -> Iterator[ProcessStart | RecordedEntry]:
-    """Yield starts and entries; omit a truncated file's last entry, which may lack items."""
+def read_entries(reader: RunReader) -> Iterator[ProcessStart | RecordedEntry | SimulationItem]:
+    """Yield starts and entries; omit a truncated file's last entry, which may lack items.
+
+    Items of a simulation follow the entry that they were recorded in.
+    """
+    simulated: list[SimulationItem] = []
     current: RecordedEntry | None = None
     for message in reader.messages():
-        if message.topic.kind in _UNUSED:
+        if message.topic.kind in _SIMULATION:
+            simulated.append(reader.decoded(message))
             continue
         if message.topic.name.startswith(DECISIONS):
             if current is not None:
@@ -69,6 +74,8 @@ def read_entries(reader: RunReader) -> Iterator[ProcessStart | RecordedEntry]:
             continue
         if current is not None:
             yield current
+        yield from simulated
+        simulated = []
         if isinstance(item, ProcessStart):
             current = None
             yield item
@@ -76,6 +83,7 @@ def read_entries(reader: RunReader) -> Iterator[ProcessStart | RecordedEntry]:
             current = RecordedEntry(item)
     if current is not None and reader.whole:
         yield current
+    yield from simulated
 
 
 class ReplayedCore:
@@ -87,9 +95,11 @@ class ReplayedCore:
         rover: receives its commands; None for a rover without effect.
         solver: solves its trajectory problems; None for the recorded results.
         tape: receives a recording of it; None for none.
+        downlinks: receivers of its reports and telemetry.
 
     Attributes:
         executive: the executive; None before the first entry and after the last.
+        clock: its clock.
         decisions: decisions of the last entry.
         raised: exception of the last entry as text; empty if there was none.
 
@@ -104,13 +114,15 @@ class ReplayedCore:
         rover: VelocityRover | DelegatedMotionRover | None = None,
         solver: SharedSolver | None = None,
         tape: RecordingSink | None = None,
+        downlinks: Sequence[Downlink] = (),
     ) -> None:
         self.executive: Executive | None = None
         self.raised = ""
         self._start_item = lifecycle
         self._folder = folder
         self._rover = rover or NullRover()
-        self._clock = RecordedClock()
+        self._downlinks = downlinks
+        self.clock = RecordedClock()
         self._tape = Decisions()
         self._inbox = ReplayInbox()
         lead_ticks = lifecycle.solver_lead_ticks
@@ -127,7 +139,7 @@ class ReplayedCore:
 
     def enter(self, recorded: RecordedEntry) -> None:
         """Run an entry."""
-        self._clock.entry = recorded.entry
+        self.clock.entry = recorded.entry
         self._tape.decisions = []
         for scripted in (self._inbox, self._ledger, self._scripted_solver):
             if scripted is not None:
@@ -139,6 +151,23 @@ class ReplayedCore:
         except Exception as error:  # raised by changed code
             at = traceback.extract_tb(error.__traceback__)[-1]
             self.raised = f"{type(error).__name__}: {error} (line {at.lineno} of {at.filename})"
+
+    def continue_live(self, solver: SharedSolver | None) -> Executive:
+        """Return the executive, from now on with commands of its inbox and results of a solver.
+
+        The owner of `clock` sets the time.
+
+        Raises:
+            RecordingError: there is no executive.
+        """
+        if self.executive is None:
+            raise RecordingError("no executive ran at that time")
+        for scripted in (self._inbox, self._ledger):
+            if scripted is not None:
+                scripted.load(())
+        if self._scripted_solver is not None and solver is not None:
+            self._scripted_solver.continue_live(solver)
+        return self.executive
 
     def end(self) -> None:
         """End it like a crash."""
@@ -175,11 +204,11 @@ class ReplayedCore:
         self._ledger = ReplayLedger(self._folder / "ledger.sqlite")
         executive = Executive(
             settings=settings,
-            clock=self._clock,
+            clock=self.clock,
             rover=self._rover,
             ledger=self._ledger,
             files=self._folder / "files",
-            downlinks=[],
+            downlinks=self._downlinks,
             build_tree=RoverTree,
             video=NullVideo() if self._start_item.video else None,
             solver=self._solver,

@@ -27,7 +27,7 @@ from executive.core.recording import (
 )
 from executive.core.ros_clients import CancelRequest
 from executive.core.runner import Executive
-from executive.motion import Trajectory, TrajectoryProblem
+from executive.motion import SharedSolver, Trajectory, TrajectoryProblem
 from executive.record import Ledger, LedgerError, Synchronous, WriterState
 from executive.values.geometry import Velocity
 from executive.values.ports import CameraIntent, DelegatedMotion, NavigationGoal, PathRequest
@@ -66,7 +66,7 @@ ReplayedItem = CommandDequeued | AuthorityRequest | CancelRequest | EventReporte
 
 
 class ReplayInbox(Inbox):
-    """Delivers the recorded commands and queries in order.
+    """Delivers the recorded commands and queries in order; without any, those that are put in.
 
     Attributes:
         core: the executive that the queries run on.
@@ -90,7 +90,7 @@ class ReplayInbox(Inbox):
     def stop_pending(self) -> bool:
         """Whether a stop was pending at this check of the recorded run."""
         self._checks += 1
-        return self._checks > self._stop_arrived
+        return self._checks > self._stop_arrived or super().stop_pending
 
     @property
     def pending_stops(self) -> int:
@@ -99,19 +99,22 @@ class ReplayInbox(Inbox):
             isinstance(e, CommandDequeued) and isinstance(e.command.request, Stop)
             for e in self._script
         ]
-        return flags.index(False) if False in flags else len(flags)
+        scripted = flags.index(False) if False in flags else len(flags)
+        return scripted or super().pending_stops
 
     @property
     def pending_items(self) -> int:
         """Number of other items in the script."""
-        return len(self._script) - self.pending_stops
+        return len(self._script) - self.pending_stops if self._script else super().pending_items
 
     def take_stop(self) -> Submission:
         """Return the next stop."""
-        return self._submission(self._script.pop(0))
+        return self._submission(self._script.pop(0)) if self._script else super().take_stop()
 
     def take(self) -> Submission | Query:
         """Return the next command, or a function with the effect of a query."""
+        if not self._script:
+            return super().take()
         item = self._script.pop(0)
         return (
             self._submission(item)
@@ -121,7 +124,9 @@ class ReplayInbox(Inbox):
 
     def superseded_by_stop(self, submission: Submission) -> bool:
         """Return whether a stop had overtaken the submission."""
-        return submission.order in self._overtaken
+        if submission.order < 0:
+            return submission.order in self._overtaken
+        return super().superseded_by_stop(submission)
 
     def _run_query(self, item: ReplayedItem) -> None:
         core = self.core
@@ -140,7 +145,7 @@ class ReplayInbox(Inbox):
 
     def _submission(self, served: ReplayedItem) -> Submission:
         assert isinstance(served, CommandDequeued)
-        self._taken += 1
+        self._taken -= 1
         if served.overtaken:
             self._overtaken.add(self._taken)
         return Submission(self._taken, served.command, lambda _: None, lambda: None)
@@ -183,6 +188,8 @@ class ReplaySolver:
 
     def __init__(self, lead_ticks: int) -> None:
         self.lead_ticks = lead_ticks
+        self._problem: TrajectoryProblem | None = None
+        self._live: SharedSolver | None = None
         self._plans: list[Trajectory | None] = []
         self._busy: list[bool] = []
 
@@ -194,13 +201,28 @@ class ReplaySolver:
     @property
     def busy(self) -> bool:
         """Whether the solver was busy at this check of the recorded run."""
+        if self._live is not None:
+            return self._live.busy
         return self._busy.pop(0) if self._busy else False
 
+    def continue_live(self, solver: SharedSolver) -> None:
+        """Let a solver solve from now on, and the problem whose result is pending."""
+        self._live = solver
+        if self._problem is not None:
+            solver.request(self._problem)
+
     def request(self, problem: TrajectoryProblem) -> None:
-        """Ignore the request: the recording has the result."""
+        """Store the request: the recording has the result."""
+        self._problem = problem
+        if self._live is not None:
+            self._live.request(problem)
 
     def take_result(self) -> Trajectory | None:
         """Return the next recorded result."""
+        if self._live is not None:
+            return self._live.take_result()
+        if any(each is not None for each in self._plans):
+            self._problem = None
         return self._plans.pop(0) if self._plans else None
 
     def fork(self, apart: bool = False) -> "ReplaySolver":
