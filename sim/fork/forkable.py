@@ -6,7 +6,7 @@ the recorded run to the last bit.
 """
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from functools import partial
@@ -22,27 +22,31 @@ from adapters.recording import (
     missing_for_fork,
     read_history,
 )
-from adapters.recording.replayed import write_files
+from adapters.recording.replayed import read_entries, write_files
 from executive.core.recording import (
     CargoChanged,
     ProcessStart,
+    RecordingSink,
     RecordingTee,
     SimulatedFaultChanged,
     SimulationStarted,
     SimulationState,
+    TimelinePlayed,
     TimelineStarted,
 )
-from executive.settings import Settings, SettingsError
+from executive.settings import LocomotionKind, Settings, SettingsError
+from executive.values.geometry import Pose
 from sim.fork.changed import changed_settings, changed_timeline, identities
+from sim.fork.continued import ContinuedLockStep, Seam
 from sim.fork.model import Change, Fidelity, ForkOutcome, ForkRun, Placing, WhatIf
 from sim.fork.noise import change_noise
 from sim.fork.run_log import RunLog, first_difference
 from sim.rover import StartPose, World
-from sim.rover.lockstep import LockStep
+from sim.rover.lockstep import STEP_S, LockStep
 from sim.rover.simulation import Simulation, fault_of
 from sim.scenario.expect_rover import PoseIs, WorldPose
 from sim.scenario.lockstep_run import LockstepRun, run_in_lock_step
-from sim.scenario.model import Cargo, Clear, Entry, Inject, Scenario
+from sim.scenario.model import Cargo, Clear, Entry, Inject, Scenario, Send
 from sim.scenario.reading import read_timeline
 from sim.scenario.record import ALMOST_S, AdmittedRequest, Answer, Record, SentCommand
 
@@ -57,6 +61,10 @@ _ANY: Final = (PoseIs(pose=WorldPose(0.0, 0.0), tolerance_m=inf),)
 class Forkable:
     """A recording that can be forked; each fork is independent, also in a forked process.
 
+    Args:
+        path: recording.
+        exact: whether the recorded simulation is used; otherwise only the poses are.
+
     Attributes:
         recorded: the recorded run itself.
         settings: the recorded settings.
@@ -66,16 +74,18 @@ class Forkable:
         RecordingError: the file cannot be used.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._log = log = RunLog.read(RunReader(path))
+    def __init__(self, path: Path, exact: bool = True) -> None:
+        reader = RunReader(path)
+        self._steps = tuple(read_entries(reader))
+        self._log = log = RunLog.read(self._steps, reader)
         starts = [each for each in log.simulation if isinstance(each, ProcessStart)]
         if not starts or log.core_s is None:
             raise RecordingError(f"{path}: contains no run from its start")
         self._start = starts[0]
         self.settings: Settings = self._start.settings
         try:
-            self._simulation, self._placing = self._simulated()
-            self.timeline = self._sent()
+            self._simulation = self._simulated() if exact else None
+            self.timeline, self._played_s = self._sent()
         except ValueError as error:
             raise RecordingError(f"{path}: {error}") from error
         sendings = [
@@ -127,7 +137,7 @@ class Forkable:
     def _fork(
         self, change: Change, at_s: float | None, seed: int | None = None, out: Path | None = None
     ) -> tuple[ForkRun, RunLog]:
-        log, simulation = RunLog(), self._simulation
+        log, simulation = RunLog(), self._simulation or Simulation(World(start=self._origin))
         scenario = Scenario(
             title="fork",
             asset=self.settings.asset,
@@ -153,11 +163,16 @@ class Forkable:
             except (OSError, ValueError) as error:
                 raise SettingsError(f"files of the fork: {error}") from error
             sink = log if tape is None else RecordingTee(log, tape)
-            record = run_in_lock_step(scenario, folder, sink, start_utc_s=self._log.utc_s, run=run)
+            placing = Placing.PHYSICS
+            if self._simulation and TimelineStarted in self._log.kinds:
+                start_utc_s = self._log.utc_s
+                record = run_in_lock_step(scenario, folder, sink, start_utc_s=start_utc_s, run=run)
+            else:
+                record, placing, at_s = self._continue(scenario, change, at_s, folder, sink, run)
         difference = first_difference(self._log, log)
         outcome = ForkOutcome(
             at_s=difference.time_s if difference and at_s is None else at_s,
-            placing=self._placing,
+            placing=placing,
             seed=scenario.seed if seed is None else seed,
             end_s=log.now_s,
             commands=log.outcomes(),
@@ -178,22 +193,74 @@ class Forkable:
         same = run.outcome.kinds == self.recorded.outcome.kinds
         return run, Fidelity.SAME_OUTCOMES if same else Fidelity.DIFFERENT
 
-    def _simulated(self) -> tuple[Simulation, Placing]:
-        """Return the simulation to fork in, and how its rover is put into it."""
-        for item in self._log.simulation:
-            if isinstance(item, SimulationStarted):
-                return Simulation.of(item), Placing.PHYSICS
-        pose = self._log.pose_at(inf if not self._log.odometry else self._log.odometry[0].time_s)
-        start = StartPose() if pose is None else StartPose(pose.x_m, pose.y_m, pose.heading_rad)
-        placing = Placing.TRUE_POSE if self._log.truths else Placing.ODOMETRY
-        return Simulation(World(start=start)), placing
+    def _continue(
+        self,
+        scenario: Scenario,
+        change: Change,
+        at_s: float | None,
+        folder: Path,
+        sink: RecordingSink,
+        run: "Callable[[Scenario, LockStep, Record], _ForkedRun]",
+    ) -> tuple[Record, Placing, float]:
+        """Replay up to the seam and continue; return record, placing and time of the seam."""
+        if self.settings.locomotion is not LocomotionKind.VELOCITY:
+            raise SettingsError("a rover of whole motions is forked only with its scenario")
+        world, settings = self._simulation and self._simulation.world, scenario.settings
+        simulation = Simulation(scenario.world, scenario.seed, scenario.odometry)
+        parts = settings.sensors, settings.mux
+        same = simulation == self._simulation and parts == (
+            self.settings.sensors,
+            self.settings.mux,
+        )
+        latest_s = self._latest_s(scenario.timeline, change, at_s)
+        seam = Seam(simulation, same, scenario.world == world, latest_s)
+        lock = ContinuedLockStep(self._steps, settings, seam, folder, sink)
+        record = Record(self._log.utc_s, folder)
+        played = [i for i, time_s in self._played_s.items() if time_s <= lock.time_s + ALMOST_S]
+        known, began_s = identities(self.timeline), lock.time_s
+        for index, identity in known.items():
+            entry = self.timeline[index]
+            if index in played and isinstance(entry, Send):
+                sent = SentCommand(entry.name, identity, self._played_s[index], Answer.ACCEPTED)
+                record.sendings.append(sent)
+        run(scenario, lock, record).continue_behind(played)
+        record.contacts, record.simulated_s = lock.rover.contacts, lock.time_s
+        lock.executive.simulate_crash()
+        return record, lock.placing, began_s
 
-    def _sent(self) -> tuple[Entry, ...]:
-        """Return the timeline: that of the scenario, or commands and faults at their times."""
-        for item in self._log.simulation:
+    def _latest_s(self, timeline: Sequence[Entry], change: Change, at_s: float | None) -> float:
+        """Return the latest time of the seam: before each entry that is changed or added."""
+        pairs = enumerate(zip(self.timeline, timeline, strict=False))
+        changed = [self._played_s.get(index, inf) for index, (a, b) in pairs if a != b]
+        added = (each.at_s for each in timeline[len(self.timeline) :] if each.at_s is not None)
+        first = min(self._played_s.values(), default=1.0) if change == Change() else inf
+        before = [each - STEP_S for each in (*changed, *added)]
+        return min([first - STEP_S if at_s is None else at_s, *before])
+
+    @property
+    def _origin(self) -> StartPose:
+        """First pose of the recording."""
+        poses = self._log.truths or self._log.odometry
+        pose = poses[0].pose if poses else Pose()
+        return StartPose(pose.x_m, pose.y_m, pose.heading_rad)
+
+    def _simulated(self) -> Simulation | None:
+        found = (each for each in self._log.simulation if isinstance(each, SimulationStarted))
+        item = next(found, None)
+        return None if item is None else Simulation.of(item)
+
+    def _sent(self) -> tuple[tuple[Entry, ...], dict[int, float]]:
+        """Return the timeline: that of the scenario, or commands and faults at their times.
+
+        Also the time of each entry that was carried out, by its index.
+        """
+        items, core_s = self._log.simulation, self._log.core_s or 0.0
+        for item in items:
             if isinstance(item, TimelineStarted):
-                return read_timeline(item.text)
-        return tuple(sorted([*self._log.sent, *self._events()], key=lambda each: each.at_s or 0.0))
+                played = (each for each in items if isinstance(each, TimelinePlayed))
+                return read_timeline(item.text), {e.index: e.time_s - core_s for e in played}
+        sent = sorted([*self._log.sent, *self._events()], key=lambda each: each.at_s or 0.0)
+        return tuple(sent), {index: each.at_s or 0.0 for index, each in enumerate(sent)}
 
     def _events(self) -> Iterator[Entry]:
         for item in self._log.simulation:
@@ -230,6 +297,11 @@ class _ForkedRun(LockstepRun):
     ) -> None:
         super().__init__(scenario, lock, record)
         self._until_s, self._extends, self._noise = end_s - ALMOST_S, extends, noise
+
+    def continue_behind(self, played: Collection[int]) -> None:
+        """Run from the present time on, without the entries that were carried out before."""
+        self._timeline.leave_out(played)
+        self.run()
 
     @property
     def has_ended(self) -> bool:

@@ -2,12 +2,13 @@
 
 from bisect import bisect_right
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from typing import Any, Final
 
 from adapters.recording import RunReader, decode
-from adapters.recording.replayed import RecordedMessage, encode, topic_of
+from adapters.recording.replayed import RecordedEntry, RecordedMessage, encode, topic_of
 from executive.commands import OWN_LINKS, Command, PreemptionPolicy, Request, declaration_of
 from executive.core.recording import (
     CameraCommanded,
@@ -51,6 +52,8 @@ ACTS: Final = (
     ModeChanged,
 )
 """Decisions that count as different; others are texts and values that follow from these."""
+Step = ProcessStart | RecordedEntry | SimulationItem
+"""Item of a recording: a start, an entry with all of its items, or an item of the simulation."""
 TRACK_TICKS: Final = 4
 NOTHING: Final = "nothing"
 DIGITS: Final = 6
@@ -86,18 +89,20 @@ class RunLog:
     _pose: Pose | None = None
 
     @classmethod
-    def read(cls, reader: RunReader) -> "RunLog":
-        """Return the log of a recording.
-
-        Raises:
-            RecordingError: the file cannot be read.
-        """
+    def read(cls, steps: Iterable[Step], reader: RunReader) -> "RunLog":
+        """Return the log of a recording from the items of its reader."""
         log = cls()
-        for message in reader.messages():
-            if message.topic.kind in _AS_OCTETS:
-                log.decisions.append((log.now_s, message))
-            else:
-                log.add(reader.decoded(message), message)
+        for step in steps:
+            if not isinstance(step, RecordedEntry):
+                log.put(step)
+                continue
+            for item in (step.entry, *step.inputs):
+                log.put(item)
+            for message in step.decisions:
+                if message.topic.kind in _AS_OCTETS:
+                    log.decisions.append((log.now_s, message))
+                else:
+                    log.add(reader.decoded(message), message)
         return log
 
     def put(self, item: Item) -> None:
@@ -189,33 +194,39 @@ class RunLog:
 def first_difference(recorded: RunLog, forked: RunLog) -> FirstDifference | None:
     """Return the first act of a fork that is not that of the recording, while both last."""
     until_s = min(recorded.now_s, forked.now_s)
-    then, now = _acts(recorded, until_s), _acts(forked, until_s)
+    then, now = _by_time(recorded, until_s), _by_time(forked, until_s)
     for time_s in sorted({*then, *now}):
-        before, after = then.get(time_s, []), now.get(time_s, [])
-        for index in range(max(len(before), len(after))):
-            pair = [each[index] if index < len(each) else None for each in (before, after)]
-            texts = [_texts(pair, digits) for digits in (2, 4, 6)] if pair[0] != pair[1] else []
-            found = next((each for each in texts if each[0] != each[1]), None)
-            if found is not None:  # last bits of a velocity are no decision
-                topic = next(each.topic.name for each in reversed(pair) if each is not None)
-                return FirstDifference(time_s, topic, *found)
+        if (found := differing(then.get(time_s, ()), now.get(time_s, ()))) is not None:
+            return FirstDifference(time_s, *found)
     return None
 
 
-def _acts(log: RunLog, until_s: float) -> dict[float, list[RecordedMessage]]:
+def differing(
+    before: Sequence[RecordedMessage], after: Sequence[RecordedMessage]
+) -> tuple[str, str, str] | None:
+    """Return topic and texts of the first act that differs; last bits of a velocity do not."""
+    for pair in zip_longest(filter(_is_act, before), filter(_is_act, after)):
+        texts = [_texts(pair, digits) for digits in (2, 4, 6)] if pair[0] != pair[1] else []
+        if found := next((each for each in texts if each[0] != each[1]), None):
+            topic = next(each.topic.name for each in reversed(pair) if each is not None)
+            return topic, found[0], found[1]
+    return None
+
+
+def _by_time(log: RunLog, until_s: float) -> dict[float, list[RecordedMessage]]:
     found: dict[float, list[RecordedMessage]] = defaultdict(list)
     for time_s, message in log.decisions:
-        if time_s <= until_s and message.topic.kind in ACTS and not _predicts(message):
+        if time_s <= until_s:
             found[time_s].append(message)
     return found
 
 
-def _predicts(message: RecordedMessage) -> bool:
-    """Return whether it is a report that predicts a motion; no decision depends on it."""
+def _is_act(message: RecordedMessage) -> bool:
+    """Return whether it is an act; a report that predicts a motion is none."""
     if message.topic.kind is not ReportSent:
-        return False
+        return message.topic.kind in ACTS
     report: Report = decode(message.topic, message.data).report
-    return report.kind is ReportKind.EVENT and report.identity is not None
+    return report.kind is not ReportKind.EVENT or report.identity is None
 
 
 def _texts(pair: Sequence[RecordedMessage | None], digits: int) -> list[str]:

@@ -170,7 +170,7 @@ class LockstepRun:
 
     def run(self) -> None:
         """Step from event to event; sample the rover after each tick."""
-        step = 0
+        step = round(self._lock.time_s / STEP_S)
         while True:
             self._run_entries()
             if step >= self._steps or self.has_ended:

@@ -1,5 +1,6 @@
 """`Timeline` of a scenario: which entries are due, and the commands that they send."""
 
+from collections.abc import Collection
 from dataclasses import replace
 from math import inf
 
@@ -17,6 +18,10 @@ class Timeline:
         self._waiting = list(scenario.timeline)
         self._times_s: list[float] = []
         self._known: tuple[int, ...] = ()
+
+    def leave_out(self, indexes: Collection[int]) -> None:
+        """Leave out entries by their index in the timeline: they were carried out before."""
+        self._waiting = [each for at, each in enumerate(self._waiting) if at not in indexes]
 
     def due(self, now_s: float) -> list[Entry]:
         """Return the entries that are due, in the order of the file."""

@@ -3,13 +3,14 @@
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
 from adapters.recording import RecordingError, RunFile, RunReader, decode
 from adapters.recording.replay import replay
 from executive.commands import MoveForward, PreemptionPolicy
-from executive.core.recording import SimulationStarted, TimelineStarted
+from executive.core.recording import SimulationItem, SimulationStarted, TimelineStarted, Truth
 from executive.settings import Controller, SettingsError, load_settings
 from executive.values.reports import Identity
 from sim.fork.forkable import Forkable
@@ -34,14 +35,16 @@ def stages(outcome: ForkOutcome) -> dict[str, str]:
     return {each.command: f"{each.stage} {each.reason}".strip() for each in outcome.commands}
 
 
-def rewritten(recording: Path, path: Path, seed: int | None) -> Path:
-    """Return a copy with another seed, or without the items on the simulation."""
+def rewritten(
+    recording: Path, path: Path, seed: int | None = None, without: tuple[type, ...] = ()
+) -> Path:
+    """Return a copy with another seed, or without the items of these kinds."""
     with closing(RunFile(path)) as file:
         for message in RunReader(recording).messages():
             item = decode(message.topic, message.data)
             if isinstance(item, SimulationStarted) and seed is not None:
                 item = replace(Simulation.of(item), seed=seed).started(item.time_s)
-            if seed is not None or not isinstance(item, SimulationStarted | TimelineStarted):
+            if not isinstance(item, without):
                 file.put(item)
     return path
 
@@ -117,16 +120,42 @@ def test_a_world_and_a_controller_are_changed(run: Forkable) -> None:
         run.fork(Change(controller=Controller.NAVIGATION))
 
 
-def test_a_recording_without_its_seed_is_reproduced_less_exactly(
-    stuck: Path, tmp_path: Path
-) -> None:
+def test_a_recording_of_another_seed_has_the_same_outcomes(stuck: Path, tmp_path: Path) -> None:
     other = Forkable(rewritten(stuck, tmp_path / "run.mcap", seed=7))
     assert other.unchanged()[1] is Fidelity.SAME_OUTCOMES
-    lacking = Forkable(rewritten(stuck, tmp_path / "lacking.mcap", seed=None))
+
+
+def test_a_recording_without_a_timeline_is_continued_from_its_state(
+    stuck: Path, tmp_path: Path
+) -> None:
+    live = Forkable(rewritten(stuck, tmp_path / "run.mcap", without=(TimelineStarted,)))
+    fork, fidelity = live.unchanged(1.5)
+    assert fidelity is Fidelity.BIT_EQUAL
+    assert fork.outcome.placing is Placing.STATE
+    assert fork.outcome.at_s == 1.5
+    (lacking,) = live.recorded.outcome.lacks
+    assert "/sim/timeline is missing" in lacking
+
+
+@pytest.mark.parametrize(
+    ("without", "placing"),
+    [
+        (tuple({*get_args(SimulationItem)} - {Truth}), Placing.TRUE_POSE),
+        (get_args(SimulationItem), Placing.ODOMETRY),
+    ],
+)
+def test_a_recording_of_a_rover_is_continued_from_its_pose(
+    stuck: Path, run: Forkable, tmp_path: Path, without: tuple[type, ...], placing: Placing
+) -> None:
+    lacking = Forkable(rewritten(stuck, tmp_path / "run.mcap", without=without))
     fork, fidelity = lacking.unchanged()
-    assert fork.outcome.placing is Placing.TRUE_POSE
-    assert fidelity is Fidelity.SAME_OUTCOMES
+    assert fidelity is not Fidelity.BIT_EQUAL
+    assert fork.outcome.placing is placing
     assert any("the world, its seed" in each for each in lacking.recorded.outcome.lacks)
+    change = Change(settings=(Override("drive.travel_speed", "0.6"),))
+    fork, exact = lacking.fork(change), run.fork(change)
+    assert fork.outcome.at_s == exact.outcome.at_s
+    assert fork.outcome.first_difference == exact.outcome.first_difference
 
 
 @pytest.mark.parametrize(
