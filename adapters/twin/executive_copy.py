@@ -47,7 +47,7 @@ class ReportedPose:
         utc_s: time of measurement aboard, seconds since 1970-01-01 UTC.
         pose: in the frame of POS_X and POS_Y.
         travel_speed_mps, rotate_speed_radps: its speed limits; None if unknown.
-        stopped: whether it stands until it is resumed: STOPPED or SAFE.
+        stopped: whether it waits for a resume: STOPPED or SAFE.
     """
 
     utc_s: float
@@ -158,7 +158,7 @@ class ExecutiveCopy:
         self.executive.simulate_crash()
 
     def _idle_s(self, left_s: float) -> float:
-        """Return the time to skip because nothing moves; 0 if something does."""
+        """Return the time to skip because the rover is idle; 0 if it is not."""
         executive = self.executive
         idle = (
             executive.goal_count == 0
@@ -174,11 +174,11 @@ class ExecutiveCopy:
         utc_s, base = self.utc_s, self._base
         while self._reports and self._reports[0].utc_s <= utc_s:
             self._before = self._reports.popleft()
-            self._place(self._before.pose)
+            self._move_to(self._before.pose)
         if self._reports:
             before, after = self._before, self._reports[0]
             part = (utc_s - before.utc_s) / (after.utc_s - before.utc_s)
-            self._place(_between(before.pose, after.pose, part))
+            self._move_to(_between(before.pose, after.pose, part))
         pose = self.pose
         last_s, last = self.track[-1]
         if utc_s > last_s:
@@ -194,7 +194,7 @@ class ExecutiveCopy:
             moved_fact = replace(fact, pose=pose) if isinstance(fact, Odometry) else fact
             self.executive.observe(moved_fact)
 
-    def _place(self, pose: Pose) -> None:
+    def _move_to(self, pose: Pose) -> None:
         self._origin = pose.compose(self._base.pose.inverse)
 
     def _wake(self) -> None:

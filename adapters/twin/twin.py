@@ -2,7 +2,7 @@
 
 It runs ahead of the ground by the one-way delay: a command that is sent arrives at it at once. It
 starts again at the last reported pose if it is too far from that, or if a command was lost or
-ended otherwise. The rover may then be elsewhere than predicted, but still on the path.
+failed. Until then the rover may be off the prediction, but it is still on the path.
 """
 
 from collections import deque
@@ -20,11 +20,11 @@ from executive.values.geometry import Point, Pose, path_length_m
 from executive.values.reports import TERMINAL, Identity, Stage
 
 MAX_ERROR_M: Final = 0.6
-"""Distance between a reported pose and the prediction at which the twin starts again."""
+"""Maximum distance between a reported pose and the prediction; beyond it the twin starts again."""
 REPORT_MARGIN_S: Final = 2.0
 """Time beyond the round trip after which a command without a report counts as lost; chosen."""
 MAX_ARRIVAL_ERROR_S: Final = 0.5
-"""Deviation from the expected time of arrival at which the twin starts again; chosen."""
+"""Maximum deviation from the expected time of arrival, likewise; chosen."""
 DEVIATION_M: Final = 0.09
 DEVIATION_RATIO: Final = 0.01
 SLICE_TICKS: Final = 1000
@@ -33,7 +33,7 @@ MAX_POINTS: Final = 200
 MIN_STEP_M: Final = 0.1
 """Minimum distance between two points of a path."""
 MAX_LAG_S: Final = 10.0
-"""Time before a reported pose in which the twin may have been where the rover was then."""
+"""Maximum lag between the twin and the rover where their paths are joined; chosen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +41,8 @@ class PredictedPose:
     """Where a command that is sent now finds the rover.
 
     Attributes:
-        as_of_utc_s: time aboard of the reported pose on which it is based.
-        arrival_utc_s: time at which the command arrives.
+        as_of_utc_s: time aboard of the last reported pose.
+        arrival_utc_s: arrival time of the command.
         pose: predicted pose, in the frame of POS_X and POS_Y.
         deviation_m: deviation of the position at 2 sigma, while nothing unexpected happens.
         path: from the reported pose to the predicted one; the rover is on it in any case.
@@ -57,7 +57,7 @@ class PredictedPose:
 
 @dataclass(slots=True)
 class _Sent:
-    """A command that has not ended, and what was reported of it.
+    """A command that has not ended, with its reported stages.
 
     Attributes:
         arrival_utc_s: expected time of arrival, or that of its first report.
@@ -167,7 +167,7 @@ class Twin:
         self._folder.cleanup()
 
     def _begin(self) -> ExecutiveCopy:
-        """Start again with the oldest running command, along the poses reported since."""
+        """Start again with the first running command, along the poses reported since."""
         if self._copy is not None:
             self._copy.close()
         self._copies += 1

@@ -122,7 +122,7 @@ def test_stuck_wheels_leave_the_rover_on_the_drawn_path(tmp_path: Path) -> None:
         assert made[0].pose.point.distance_m(link.pose.point) < 0.05  # corrected by the report
 
 
-def test_a_relative_motion_goes_on_after_a_correction(tmp_path: Path) -> None:
+def test_a_relative_motion_continues_after_a_correction(tmp_path: Path) -> None:
     """The rover begins late: the twin is corrected, and ends where the rover does."""
     with delayed(tmp_path) as link:
         drive = link.send(MoveForward(6.0), report_progress=False)
