@@ -241,7 +241,7 @@ async def _serving(
         alarms.on_sample(value)
 
     def tree(state: TreeState) -> None:
-        hub.tree(state)
+        hub.state(state)
         archive.put_tree(state)
         alarms.on_tree(state)
 
@@ -265,7 +265,7 @@ async def _serving(
     uris = [_uri(target) for target in options.to]
     try:
         fleet = Fleet(
-            *(uris, options.to[0].terms, publish, sample, tree),
+            *(uris, options.to[0].terms, publish, sample, tree, hub.state),
             *(last_known, tracker, commands, desk, system),
         )
     except CertificateError as error:

@@ -59,6 +59,8 @@ def _written(kind: Any, found: dict[str, str]) -> str:
             return f"Record<{', '.join(parts)}>"
         case origin if origin is tuple and Ellipsis in get_args(kind):
             return f"{parts[0]}[]"
+        case origin if origin is tuple:
+            return f"[{', '.join(parts)}]"
     raise TypeError(f"{kind} is no type of a message")
 
 

@@ -81,6 +81,17 @@ class DelayedLink:
         while self._down and self._down[0][0] <= self.utc_s:
             self._on_received(self._down.popleft()[1])
 
+    @property
+    def in_transit(self) -> bool:
+        """Whether commands are on their way, or the rover has some to do."""
+        return bool(self._up) or self.bench.executive.goal_count > 0
+
+    def skip(self, limit_s: float) -> None:
+        """Let time pass at once where the rover waits, until a command or report arrives."""
+        due = [utc_s for utc_s, _ in self._up]
+        due += (utc_s for utc_s, message in self._down if isinstance(message, Report))
+        self.bench.skip(min([limit_s, *(each - self.utc_s for each in due)]))
+
     def run(self, duration_s: float) -> None:
         """Advance by a time."""
         for _ in range(round(duration_s / self.bench.settings.tick_s)):

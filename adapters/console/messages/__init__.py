@@ -28,6 +28,7 @@ from adapters.console.messages.telemetry import AssetState as AssetState
 from adapters.console.messages.telemetry import LinkKind as LinkKind
 from adapters.console.messages.telemetry import LinkState as LinkState
 from adapters.console.messages.telemetry import LinkStatus as LinkStatus
+from adapters.console.messages.telemetry import PosePrediction as PosePrediction
 from adapters.console.messages.telemetry import Quality as Quality
 from adapters.console.messages.telemetry import Sample as Sample
 from adapters.console.messages.telemetry import SamplesDropped as SamplesDropped

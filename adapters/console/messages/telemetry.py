@@ -136,6 +136,33 @@ class TreeState:
 
 
 @dataclass(frozen=True, slots=True)
+class PosePrediction:
+    """Where a command that is sent now over a delayed link finds an asset.
+
+    Attributes:
+        utc: present time.
+        as_of: time aboard of the last reported pose.
+        arrival: arrival time of the command.
+        heading: rad.
+        within: deviation of the position at 2 sigma, m.
+        path: path from the reported pose to the predicted one; the asset is on it in any case.
+    """
+
+    ty: ClassVar[str] = "prediction"
+
+    asset: str
+    link: LinkKind
+    utc: float
+    as_of: float
+    arrival: float
+    x: float
+    y: float
+    heading: float
+    within: float
+    path: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, slots=True)
 class LinkStatus:
     """Status of a link to an asset.
 

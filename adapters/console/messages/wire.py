@@ -27,6 +27,7 @@ from adapters.console.messages.telemetry import (
     AssetState,
     LinkKind,
     LinkStatus,
+    PosePrediction,
     Sample,
     SamplesDropped,
     TreeState,
@@ -50,7 +51,7 @@ Broadcast = (
 """Messages that are numbered, never dropped, and resent to a page that reconnects."""
 
 
-Latest = TreeState | Transfer
+Latest = TreeState | PosePrediction | Transfer
 """Messages that carry a complete state, so that the last one of a topic replaces the others."""
 
 

@@ -158,6 +158,7 @@ class Commanding:
             claimed = await self._claim(status)
         _LOG.info("%s %s: %s of %s", posted.asset, command.identity, posted.name, operator)
         self._tracker.register(status)
+        self._asset(posted.asset).predictor.on_sent(command, status.created)
         self._send(client, link, status.id, command)
         return status
 

@@ -113,6 +113,7 @@ class Stops:
             round_trip_s=link.delay.declared_s,
         )
         self._tracker.register(status)
+        asset.predictor.on_sent(command, now_s)
         stop = StopStatus(name, status.id, operator, now_s - age_s, now_s, StopState.WAITING)
         pending = self._pending[name] = _Pending(stop, command, end_s)
         self._publish(stop)

@@ -18,6 +18,7 @@ from adapters.console.messages import (
     LinkStatus,
     NotificationMessage,
     PlanProgress,
+    PosePrediction,
     Quality,
     QuestionStatus,
     Sample,
@@ -35,6 +36,7 @@ from adapters.console.rovers.dictionary import (
     zone_entries,
 )
 from adapters.console.rovers.operator_authority import OperatorAuthority
+from adapters.console.rovers.pose_prediction import PREDICTION_S, PosePredictor
 from adapters.console.rovers.rover_link import LINK_HOUSEKEEPING, LastNotification, RoverLink
 from adapters.console.rovers.tracker import CommandTracker, SharedCommands
 from adapters.console.tasks import cancel_tasks, start_task
@@ -73,11 +75,13 @@ class ConnectedAsset:
     Attributes:
         settings: installed settings with its name; None if there are none.
         entry: its dictionary entry.
+        predictor: predicts its pose.
         links: its links, by kind.
     """
 
     settings: Settings | None
     entry: AssetEntry
+    predictor: PosePredictor
     links: dict[LinkKind, RoverLink] = field(default_factory=dict)
 
     def best_link(self) -> RoverLink | None:
@@ -95,6 +99,7 @@ class Fleet:
         publish: publishes a message.
         sample: publishes a telemetry value.
         tree: publishes a behaviour tree.
+        prediction: publishes a predicted pose.
         last_known: returns the last archived notification of an asset and link.
         tracker: tracks the states of commands.
         commands: commands of all consoles.
@@ -109,6 +114,7 @@ class Fleet:
         publish: Callable[[Broadcast], None],
         sample: Callable[[Sample], None],
         tree: Callable[[TreeState], None],
+        prediction: Callable[[PosePrediction], None],
         last_known: Callable[[str, LinkKind], Awaitable[LastNotification | None]],
         tracker: CommandTracker,
         commands: SharedCommands,
@@ -118,7 +124,8 @@ class Fleet:
         self._terms, self._system = terms, system
         self._publish = publish
         self._sample = sample
-        self._tree = tree
+        self._tree, self._prediction = tree, prediction
+        self._predicting: asyncio.Task[None] | None = None
         self._last_known = last_known
         self._tracker, self._commands, self._desk = tracker, commands, desk
         self._links = [RoverLink(uri, terms, self, system) for uri in uris]
@@ -133,10 +140,15 @@ class Fleet:
         """Start all links."""
         for link in self._links:
             self._run(link)
+        self._predicting = start_task(self._predict())
 
     async def close(self) -> None:
         """Close all links."""
-        await cancel_tasks(self._running.values())
+        await cancel_tasks(
+            [*self._running.values(), *([self._predicting] if self._predicting else [])]
+        )
+        for asset in self.assets.values():
+            asset.predictor.close()
 
     def entries(self) -> Iterator[AssetEntry]:
         """Yield the dictionary entry of each reached asset."""
@@ -178,7 +190,7 @@ class Fleet:
             conditions=CONDITION_ENTRIES,
         )
         if known is None:
-            known = self.assets[name] = ConnectedAsset(settings, entry)
+            known = self.assets[name] = ConnectedAsset(settings, entry, PosePredictor(settings))
         former = known.links.get(link.kind, link)
         known.links[link.kind] = link
         if former is not link and former not in self._links and former.state is LinkState.DOWN:
@@ -210,6 +222,8 @@ class Fleet:
         quality = Quality.INVALID if value.value is None else Quality.GOOD
         figure = (value.utc_s, rx_s, value.value, Quality.LATE if late else quality)
         self._sample(Sample(link.asset, value.name, link.kind, *figure))
+        if not late and (known := self.assets.get(link.asset)) is not None:
+            known.predictor.on_value(link, value)
 
     def on_measured(self, link: RoverLink, figures: Mapping[str, float], rx_s: float) -> None:
         """Publish figures that the console measured of a link."""
@@ -219,6 +233,8 @@ class Fleet:
     async def on_notification(self, link: RoverLink, received: ReceivedReport, rx_s: float) -> None:
         """Publish a report with the id of its command."""
         report = received.report
+        if (known := self.assets.get(link.asset)) is not None:
+            known.predictor.on_report(link, report)
         message = notification_message(link.asset, link.kind, received, rx_s)
         lost, left = lost_command(report), forwarded_command(report)
         if (identity := lost or left) is not None:
@@ -236,8 +252,8 @@ class Fleet:
             if is_first and command is not None and command.args is None:
                 link.request_arguments(identity)
         if received.cursor:
-            known = LastNotification(received.cursor, to_us(report.utc_s))
-            self._last_received[link.asset, link.kind] = known
+            last = LastNotification(received.cursor, to_us(report.utc_s))
+            self._last_received[link.asset, link.kind] = last
         self._publish(message)
 
     def on_status(self, link: RoverLink, status: AssetStatus) -> None:
@@ -246,6 +262,8 @@ class Fleet:
             self._forget_after(link, status.timestamp / NS_PER_S + MAX_CLOCK_LEAD_S)
             if status.activeCommandId is not None:
                 self._tracker.on_active(link.asset, status.activeCommandId)
+        if (known := self.assets.get(link.asset)) is not None:
+            known.predictor.on_status(status)
         state = AssetState(
             link.asset,
             link.kind,
@@ -344,6 +362,15 @@ class Fleet:
         for key, newest in list(self._newest.items()):
             if key[::2] == this and newest.utc_s > utc_s:
                 del self._newest[key]
+
+    async def _predict(self) -> None:
+        """Publish where the next commands find the assets, each second."""
+        while True:
+            for asset in tuple(self.assets.values()):
+                found = await asset.predictor.predict(asset.best_link(), self._system.utc_s())
+                if found is not None:
+                    self._prediction(found)
+            await asyncio.sleep(PREDICTION_S)
 
     def _run(self, link: RoverLink) -> None:
         self._running[link] = start_task(link.run())

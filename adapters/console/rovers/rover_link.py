@@ -53,11 +53,10 @@ CATCH_UP: Final = 1000
 
 
 ROUND_TRIP: Final = "LINK_ROUND_TRIP"
+CLOCK_OFFSET: Final = "LINK_CLOCK_OFFSET"
 LINK_HOUSEKEEPING: Final = (
     HousekeepingParameter(ROUND_TRIP, "Round-trip time of the console's last status request", "s"),
-    HousekeepingParameter(
-        "LINK_CLOCK_OFFSET", "Lead of the onboard clock over the console's clock", "s"
-    ),
+    HousekeepingParameter(CLOCK_OFFSET, "Lead of the onboard clock over the console's clock", "s"),
 )
 """Parameters that the console measures of each link; the clock offset on the direct link only."""
 
@@ -317,7 +316,7 @@ class RoverLink:
         figures = {ROUND_TRIP: round_trip_s}
         if self.kind is LinkKind.DIRECT:  # an orbiter stamps its last contact with the rover
             offset_s = status.timestamp / 1e9 - (requested_s + round_trip_s / 2)
-            figures["LINK_CLOCK_OFFSET"] = offset_s
+            figures[CLOCK_OFFSET] = offset_s
         self.figures = figures
         self._listener.on_measured(self, figures, self.last_received_s or requested_s)
 

@@ -27,6 +27,7 @@ from adapters.console.messages import (
     ObjectChanged,
     OpenPage,
     PlanProgress,
+    PosePrediction,
     Presence,
     Quality,
     QuestionStatus,
@@ -178,10 +179,10 @@ class Hub:
             self._standing[sample.ty, sample.asset, sample.key, sample.link] = sample
         self._send(sample)
 
-    def tree(self, tree: TreeState) -> None:
-        """Send a tree to subscribed pages."""
-        self._standing[tree.ty, tree.asset] = tree
-        self._send(tree)
+    def state(self, state: TreeState | PosePrediction) -> None:
+        """Send a tree or a prediction to subscribed pages."""
+        self._standing[state.ty, state.asset] = state
+        self._send(state)
 
     def transfer(self, transfer: Transfer) -> None:
         """Send the status of a transfer to subscribed pages."""

@@ -2,7 +2,7 @@
 
 import { Topics } from "./observable.js";
 
-/** @import { AssetEntry, AssetState, AuthorityMessage, CommandStatus, LinkStatus, NotificationMessage, PlanProgress, QuestionStatus, Sample, StopStatus, Transfer, TreeState } from "./messages.js" */
+/** @import { AssetEntry, AssetState, AuthorityMessage, CommandStatus, LinkStatus, NotificationMessage, PlanProgress, PosePrediction, QuestionStatus, Sample, StopStatus, Transfer, TreeState } from "./messages.js" */
 /** @typedef {Sample & {interval?: number}} Latest `interval`: seconds since the previous sample */
 /** @typedef {{utc: number, x: number, y: number, heading: number}} Fix */
 /** @typedef {{x: number, y: number}} Point */
@@ -58,6 +58,8 @@ export class Asset extends Topics {
   status = null;
   /** @type {TreeState | null} */
   tree = null;
+  /** @type {PosePrediction | null} where the next command finds it; null until received */
+  prediction = null;
   /** @type {Map<string, PlanProgress>} progress of each plan */
   plans = new Map();
   /** @type {Map<string, QuestionStatus>} open questions of its plans, by plan and question */
@@ -356,6 +358,11 @@ export class Asset extends Topics {
   get isDelayed() {
     const link = this.commandLink;
     return link?.link === "relay" || (link?.round_trip ?? 0) >= NOTICEABLE_S;
+  }
+
+  /** Where a command that is sent now finds it; null if commands arrive at once, or if that time has passed. @param {number} now @returns {PosePrediction | null} */
+  predictionAt(now) {
+    return this.prediction && this.isDelayed && now < this.prediction.arrival ? this.prediction : null;
   }
 
   /** Whether at least one of its links is up. */

@@ -7,6 +7,7 @@
 /** A fault that has not cleared, with its evidence as a text. */ export type TreeFault = { name: string; severity: string; text: string };
 /** A node of a behaviour tree. */ export type TreeNode = { path: string; name: string; depth: number; kind: string; status: string; message: string; command: string | null };
 /** The complete behaviour tree of an asset. A new message replaces the previous one. */ export type TreeState = { ty: "tree"; asset: string; link: LinkKind; utc: number; tick: number; mode: string; why: string; active: string | null; faults: TreeFault[]; nodes: TreeNode[] };
+/** Where a command that is sent now over a delayed link finds an asset. */ export type PosePrediction = { ty: "prediction"; asset: string; link: LinkKind; utc: number; as_of: number; arrival: number; x: number; y: number; heading: number; within: number; path: [number, number][] };
 /** State of a file transfer. */ export type TransferState = "waiting" | "running" | "interrupted" | "paused" | "done" | "failed" | "removed";
 /** A file transfer from an asset to the console. */ export type Transfer = { ty: "transfer"; id: string; asset: string; path: string; by: string; state: TransferState; created: number; utc: number; done: number; size: number | null; rate: number | null; detail: string };
 /** Number of telemetry values that were dropped for this slow page. */ export type SamplesDropped = { ty: "gap"; dropped: number };
@@ -57,4 +58,4 @@
 /** How often the plan took a branch. */ export type TrialBranch = { node: string; line: number; choice: string; draws: number };
 /** Summary of simulated runs of a plan. */ export type PlanTrial = { draws: number; successes: number; successLow: number; successHigh: number; figures: TrialFigure[]; branches: TrialBranch[]; worst: string | null };
 /** Result of a check of a draft by the rover. */ export type DraftCheck = { verdict: string; refusal: string | null; states: number | null; limits: string[]; findings: DraftFinding[]; trial: PlanTrial | null };
-export type Message = (Hello | Sample | TreeState | Transfer | SamplesDropped | CommandStatus | StopStatus | AuthorityMessage | NotificationMessage | AlarmStatus | LinkStatus | AssetState | PlanProgress | QuestionStatus | FileChanged | Presence | DictionaryChanged | ObjectChanged) & { seq?: number };
+export type Message = (Hello | Sample | TreeState | PosePrediction | Transfer | SamplesDropped | CommandStatus | StopStatus | AuthorityMessage | NotificationMessage | AlarmStatus | LinkStatus | AssetState | PlanProgress | QuestionStatus | FileChanged | Presence | DictionaryChanged | ObjectChanged) & { seq?: number };

@@ -9,7 +9,7 @@ import { serverClock } from "./server_clock.js";
 /** @typedef {{assets: Record<string, AssetEntry>, console: AssetEntry}} Dictionary */
 
 /** Topics of a page that shows neither log nor tree. */
-export const LIGHT_TOPICS = ["tm", "cmd", "auth", "link", "asset", "presence", "dictionary", "alarm", "stop", "plan", "question"];
+export const LIGHT_TOPICS = ["tm", "cmd", "auth", "link", "asset", "presence", "dictionary", "alarm", "stop", "plan", "question", "prediction"];
 const TOPICS = [...LIGHT_TOPICS, "ntf", "tree", "file", "transfer", "obj"];
 const HISTORY_S = 3600;
 const MAX_SAMPLES = 20000;
@@ -142,6 +142,8 @@ export class Session extends Topics {
       case "tree":
         this.asset(message.asset).noteNodes(message);
         return this.#set(message, "tree");
+      case "prediction":
+        return this.#set(message, "prediction");
       case "plan":
         return this.#put(message, "plans", message.plan);
       case "question":

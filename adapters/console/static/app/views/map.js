@@ -16,7 +16,7 @@ import { Pictures } from "../model/pictures.js";
 import { PlanRoutes } from "../model/routes.js";
 
 /** @import { Fix, Frame } from "../model/asset.js" */
-/** @import { FileEntry } from "../model/messages.js" */
+/** @import { FileEntry, PosePrediction } from "../model/messages.js" */
 /** @import { Mark } from "../model/plan_draft.js" */
 
 const CLICK_PX = 4;
@@ -36,6 +36,7 @@ export class MapView extends View {
   #preview = new layers.Preview();
   #uncertain = new layers.UncertaintyMark();
   #rover = new layers.Rover();
+  #predicted = new layers.Predicted();
   #pictureMarks = new PictureMarks();
   #goals = new Goals();
   #steps = new Steps();
@@ -43,11 +44,12 @@ export class MapView extends View {
   #obstacles = new ScannedObstacles(this.session, this.asset, this.draw);
   #pictures = new Pictures(this.session, this.asset, this.draw);
   #shown = new ShownPicture();
-  #world = svg("g", {}, ...[this.#zones, this.#scanned, this.#tracks, this.#preview, this.#uncertain, this.#rover].map((each) => each.element));
+  #world = svg("g", {}, ...[this.#zones, this.#scanned, this.#tracks, this.#preview, this.#predicted, this.#uncertain, this.#rover].map((each) => each.element));
   #picture = svg("svg", { class: "map", role: "img", "aria-label": "map" }, this.#grid.element, this.#world, ...[this.#pictureMarks, this.#goals, this.#steps].map((each) => each.element));
   #viewport = new Viewport(this.#picture);
   #marks = new Marks(this.#viewport);
   #poseText = html("span", { className: "pose" });
+  #predictedText = html("p", { className: "predicted-text", "data-testid": "predicted-text", hidden: true });
   #pointed = html("span", { className: "pointed dim" });
   #now = button("back to now", "", () => this.cursor.set(null), { className: "now" });
   #follow = button("follow", "centre the map on the rover", () => ((this.#follows = !this.#follows), this.draw()));
@@ -62,11 +64,13 @@ export class MapView extends View {
     [html("span", { className: "scan", textContent: "scanned obstacle" }), this.#scanned],
     [html("span", { className: "taken", textContent: "picture" }), this.#pictureMarks],
     [html("span", { className: "draft", textContent: "preview, not sent" }), this.#preview],
+    [html("span", { className: "expected", textContent: "predicted" }), this.#predicted],
   ];
   root = html(
     "section",
     { className: "rover-view map-view" },
     html("header", {}, this.#poseText, html("span", { className: "tools" }, this.#pointed, this.#now, this.#follow, this.#whole)),
+    this.#predictedText,
     html("div", { className: "canvas" }, this.#picture, html("div", { className: "legend" }, ...this.#entries.map(([entry]) => entry)), this.#empty, this.#hint, this.#menu, this.#shown.root),
   );
 
@@ -81,7 +85,7 @@ export class MapView extends View {
     const resized = new ResizeObserver(draw);
     resized.observe(this.#picture);
     return [
-      ...["track", "commands", "entry", "links", "plans"].map((topic) => asset.on(topic, draw)),
+      ...["track", "commands", "entry", "links", "plans", "prediction"].map((topic) => asset.on(topic, draw)),
       session.onSecond(draw),
       ...[selection, cursor, draft].map((each) => each.on(draw)),
       () => resized.disconnect(),
@@ -109,6 +113,10 @@ export class MapView extends View {
     this.#scanned.render(this.#obstacles.at(cursor.utc_s));
     this.#tracks.render(asset.track, cursor.utc_s, selection.spanOf(asset));
     this.#preview.render(draft, scale);
+    const predicted = cursor.utc_s === null ? asset.predictionAt(this.session.now) : null;
+    this.#predicted.render(asset, predicted, scale);
+    this.#predictedText.hidden = predicted === null;
+    if (predicted) setText(this.#predictedText, predictedText(predicted, this.session.now));
     this.#uncertain.render(asset, pose, uncertainty, scale);
     this.#rover.render(asset, pose, scale);
     this.#pictureMarks.render(asset, this.#pictures.at(cursor.utc_s), viewport, (picture) => this.#showPicture(picture));
@@ -238,6 +246,11 @@ export class MapView extends View {
 /** @param {Frame} pose */
 function poseText({ x, y, heading }) {
   return `x ${fixed(x, 2)} m  y ${fixed(y, 2)} m  ${fixed((Math.round(degrees(heading)) + 540) % 360 - 180, 0)}°`;
+}
+
+/** @param {PosePrediction} predicted @param {number} now */
+function predictedText({ x, y, heading, within, as_of, arrival, utc }, now) {
+  return `The next command finds it at ${poseText({ x, y, heading })} ± ${fixed(within, 2)} m: as of ${age(now - as_of)} ago, next command arrives in ${age(arrival - utc)}.`;
 }
 
 /** Return the fix nearest to a point, null if none is within `close`, m. @param {Fix[]} track @param {number} x @param {number} y @param {number} close */

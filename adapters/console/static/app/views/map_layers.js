@@ -5,7 +5,7 @@ import { clock, degrees, fixed } from "../format.js";
 
 /** @import { Asset, Fix } from "../model/asset.js" */
 /** @import { Draft } from "../model/draft.js" */
-/** @import { ZoneEntry } from "../model/messages.js" */
+/** @import { PosePrediction, ZoneEntry } from "../model/messages.js" */
 /** @import { Viewport } from "./viewport.js" */
 /** @typedef {{position_m: number, heading_rad: number}} Uncertainty */
 
@@ -124,7 +124,12 @@ export class Rover {
   #body = svg("rect", { class: "body" });
   #nose = svg("path", { class: "nose" });
   #title = svg("title");
-  element = svg("g", { class: "rover", "data-testid": "rover" }, this.#body, this.#nose, this.#title);
+  element;
+
+  /** @param {string} [kind] class of its element */
+  constructor(kind = "rover") {
+    this.element = svg("g", { class: kind, "data-testid": kind }, this.#body, this.#nose, this.#title);
+  }
 
   /** @param {Asset} asset @param {Fix | null} pose @param {number} scale */
   render({ name, footprint: { length_m, width_m } }, pose, scale) {
@@ -134,6 +139,23 @@ export class Rover {
     set(this.#nose, { d: arrow(scale) });
     set(this.element, { transform: turned(pose), "data-x": pose.x.toFixed(3), "data-y": pose.y.toFixed(3) });
     setText(this.#title, `${name}, ${clock(pose.utc)}`);
+  }
+}
+
+/** Where the next command finds the rover, its deviation at 2 sigma, and the path that it is on in any case. */
+export class Predicted {
+  #path = svg("polyline");
+  #circle = svg("circle");
+  #rover = new Rover("predicted-rover");
+  element = svg("g", { class: "predicted" });
+
+  /** @param {Asset} asset @param {PosePrediction | null} predicted @param {number} scale */
+  render(asset, predicted, scale) {
+    this.element.replaceChildren(...(predicted ? [this.#path, this.#circle, this.#rover.element] : []));
+    if (!predicted) return;
+    set(this.#path, { points: predicted.path.map((each) => each.join(",")).join(" ") });
+    set(this.#circle, { cx: predicted.x, cy: predicted.y, r: predicted.within, "data-within": predicted.within.toFixed(3) });
+    this.#rover.render(asset, { ...predicted, utc: predicted.arrival }, scale);
   }
 }
 

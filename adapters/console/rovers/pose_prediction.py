@@ -1,0 +1,123 @@
+"""`PosePredictor`: the twin of an asset, fed with the data of its links, for the pages' map."""
+
+import asyncio
+from typing import Final
+
+from adapters.console.messages import LinkKind, PosePrediction
+from adapters.console.rovers.rover_link import CLOCK_OFFSET, RoverLink
+from adapters.mrs.spec import AssetMode, AssetStatus, ReceivedValue
+from adapters.twin import ReportedPose, Twin
+from executive.commands import Command
+from executive.settings import Settings
+from executive.values.geometry import Pose
+from executive.values.parameters import Parameter
+from executive.values.reports import Report
+
+PREDICTION_S: Final = 1.0
+"""Interval of predictions, s."""
+SLICE_TICKS: Final = 50
+"""Ticks of the twin between two turns of the event loop: some 10 ms."""
+MAX_DELAY_CHANGE: Final = 0.2
+"""Minimum change of the delay, as a ratio, for the twin to use the new one; chosen."""
+LIGHT_TIME: Final = "DTN_ROUND_TRIP"
+_POSITION: Final = (Parameter.POS_X.value, Parameter.POS_Y.value, Parameter.HEAD.value)
+_HELD: Final = (AssetMode.STOPPED, AssetMode.SAFE)
+
+
+class PosePredictor:
+    """Predicts the pose of one asset over the link that commands take, if that has a delay.
+
+    Args:
+        settings: installed settings of the asset; without them nothing is predicted.
+    """
+
+    def __init__(self, settings: Settings | None) -> None:
+        self._settings = settings
+        self._twin: Twin | None = None
+        self._values: dict[str, ReceivedValue] = {}
+        self._stopped = False
+
+    def on_sent(self, command: Command, utc_s: float) -> None:
+        """Add a command that is sent."""
+        if self._twin is not None:
+            self._twin.on_sent(command, utc_s)
+
+    def on_report(self, link: RoverLink, report: Report) -> None:
+        """Receive a report."""
+        if self._twin is not None and report.identity is not None and report.stage is not None:
+            self._twin.on_stage(report.identity, report.stage, report.utc_s - _lead_s(link))
+
+    def on_status(self, status: AssetStatus) -> None:
+        """Receive the mode."""
+        self._stopped = status.mode in _HELD
+
+    def on_value(self, link: RoverLink, value: ReceivedValue) -> None:
+        """Receive a value; the last one of a pose completes it."""
+        self._values[value.name] = value
+        x, y, heading = (self._number(each, value.utc_s) for each in _POSITION)
+        if self._twin is None or value.name not in _POSITION:
+            return
+        if x is not None and y is not None and heading is not None:
+            reported = ReportedPose(
+                value.utc_s - _lead_s(link),
+                Pose(x, y, heading_rad=heading),
+                self._number(Parameter.TRAVEL_SPEED.value),
+                self._number(Parameter.ROTATE_SPEED.value),
+                self._stopped,
+            )
+            self._twin.on_pose(reported)
+
+    async def predict(self, link: RoverLink | None, utc_s: float) -> PosePrediction | None:
+        """Return where a command that is sent now finds the asset; None if the link has no delay.
+
+        Args:
+            link: the link that commands take.
+            utc_s: present time.
+        """
+        if link is None:
+            return None  # commands sent before may still arrive
+        relayed = link.kind is LinkKind.RELAY
+        if self._settings is None or not (relayed or link.delay.is_noticeable):
+            self.close()
+            return None
+        one_way_s = link.delay.one_way_s
+        one_way_s += (self._number(LIGHT_TIME) or 0.0) / 2 if relayed else 0.0
+        twin = self._twin = self._twin or Twin(self._settings, one_way_s)
+        if abs(one_way_s - twin.one_way_s) > MAX_DELAY_CHANGE * twin.one_way_s:
+            twin.one_way_s = one_way_s
+        while not twin.advance(utc_s, SLICE_TICKS):
+            await asyncio.sleep(0)
+        found = twin.predict(utc_s)
+        if found is None:
+            return None
+        x_m, y_m, heading_rad = found.pose.x_m, found.pose.y_m, found.pose.heading_rad
+        return PosePrediction(
+            link.asset,
+            link.kind,
+            utc_s,
+            found.as_of_utc_s,
+            found.arrival_utc_s,
+            x_m,
+            y_m,
+            heading_rad,
+            found.deviation_m,
+            tuple((each.x_m, each.y_m) for each in found.path),
+        )
+
+    def close(self) -> None:
+        """Delete the twin."""
+        if self._twin is not None:
+            self._twin.close()
+            self._twin = None
+
+    def _number(self, name: str, utc_s: float | None = None) -> float | None:
+        """Return the last value of a parameter if it is a number, and of this stamp if given."""
+        known = self._values.get(name)
+        if known is None or utc_s not in {None, known.utc_s}:
+            return None
+        return known.value if isinstance(known.value, float) else None
+
+
+def _lead_s(link: RoverLink) -> float:
+    """Return the lead of the onboard clock, s; 0 if unknown."""
+    return link.figures.get(CLOCK_OFFSET, 0.0)
