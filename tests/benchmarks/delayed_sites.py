@@ -73,7 +73,7 @@ def site(number: int) -> World:
 
 
 def stuck_after_m(number: int) -> float | None:
-    """Return after how much of the way the left wheels stick, at every second site."""
+    """Return the distance after which the left wheels stick, at every second site."""
     return Random(f"stuck {number}").uniform(2.0, 12.0) if number % 2 else None
 
 
@@ -88,7 +88,7 @@ class View:
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """A prediction beside what the rover believed at the time of arrival.
+    """A prediction, and the pose by odometry at the time of arrival.
 
     Attributes:
         unexpected: whether the wheels had stuck before, or a command was lost.
@@ -103,7 +103,7 @@ class Judged:
 
 @dataclass(slots=True)
 class Played:
-    """What became of a mission; a duration of None: it did not reach the goal."""
+    """Result of a mission; a duration of None: it did not reach the goal."""
 
     duration_s: float | None = None
     contacts: int = 0
@@ -125,7 +125,7 @@ class Mission:
         committed: whether paths are extended ahead of the rover.
         relative: whether legs are turns and drives instead of waypoints.
         loss: probability that a command is lost.
-        stuck: whether wheels may stick, as `stuck_after_m` says.
+        stuck: whether wheels may stick; see `stuck_after_m`.
         terms: adds fields to each motion command.
     """
 
