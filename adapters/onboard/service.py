@@ -282,7 +282,7 @@ def executive_on(
         ledger.write_on_thread(lambda: executive.wake())
         if tape is not None:
             tape.on_fault = partial(_report_recording_fault, executive)
-            record_simulation(node, tape)
+            record_simulation(node, tape, clock)
         served = ExecutiveNode(node, topics, sensors, rover, executive)
         if housekeeping is not None:
             served.on_ticks = housekeeping.note

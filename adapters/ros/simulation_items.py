@@ -1,10 +1,11 @@
-"""The ROS topic by which a simulation adds its items to the recording of an executive.
+"""ROS topics for the items that a simulation adds to the recording of an executive.
 
 The last items are latched: the recording of an executive that is restarted has them, too.
 """
 
 import json
 import logging
+from dataclasses import replace
 from typing import Any, Final
 
 from rclpy.node import Node
@@ -13,6 +14,7 @@ from std_msgs.msg import String
 from adapters.recording import TOPICS, decode, plain_of, topic_of
 from adapters.ros.robot_model import latched_qos
 from executive.core.recording import Item, RecordingSink, SimulationItem, SimulationState
+from executive.values.clock import Clock
 
 _LOG: Final = logging.getLogger(__name__)
 _LATCHED, _STATE = "simulation/items", "simulation/state"
@@ -38,8 +40,11 @@ class SimulationItemPublisher:
         publisher.publish(String(data=json.dumps([topic_of(item).name, plain_of(item)])))
 
 
-def record_simulation(node: Node, tape: RecordingSink) -> None:
-    """Add the items of a simulation to a recording; an invalid one is logged and ignored."""
+def record_simulation(node: Node, tape: RecordingSink, clock: Clock) -> None:
+    """Add the items of a simulation to a recording, with the time of their reception.
+
+    An invalid one is logged and ignored.
+    """
 
     def on_item(message: Any) -> None:
         try:
@@ -50,7 +55,7 @@ def record_simulation(node: Node, tape: RecordingSink) -> None:
         except Exception as error:  # cattrs raises groups of many kinds
             _LOG.warning("an item of the simulation is not recorded: %r", error)
         else:
-            tape.put(item)
+            tape.put(replace(item, time_s=clock.now_s()))
 
     node.create_subscription(String, _LATCHED, on_item, latched_qos(_DEPTH))
     node.create_subscription(String, _STATE, on_item, 1)

@@ -392,8 +392,8 @@ class Truth:
 class SimulationStarted:
     """The simulation of the rover began.
 
-    The times of this item and the next are on the clock of the facts' stamps; in lock step it is
-    the monotonic clock of the core.
+    The times of this item and the next are on the monotonic clock of the core. For those of
+    another process it is the time of their reception.
 
     Attributes:
         text: its world, seed and accuracy, in the format of worlds.

@@ -29,7 +29,7 @@ from executive.commands.catalogue import (
     Stop,
     SubmitPlan,
 )
-from executive.core.recording import SimulationStarted, SimulationState
+from executive.core.recording import CoreCalled, SimulationStarted, SimulationState
 from executive.settings import config_folder
 from executive.values.reasons import Reason
 from executive.values.reports import Report
@@ -114,8 +114,10 @@ def worlds_of(recording: Path) -> list[str]:
     """Return the recorded worlds; the state of the simulation is recorded, too."""
     reader = RunReader(recording)
     kinds = [SimulationStarted, SimulationState]
+    calls = [reader.decoded(message) for message in reader.messages([CoreCalled])]
     items = [reader.decoded(message) for message in reader.messages(kinds)]
     assert {type(each) for each in items} == set(kinds)
+    assert all(calls[0].now_s <= each.time_s <= calls[-1].now_s + 0.1 for each in items)
     started = (each for each in items if isinstance(each, SimulationStarted))
     return [Simulation.of(each).world.name for each in started]
 
