@@ -102,7 +102,7 @@ class PlacedRover:
         Raises:
             ValueError: a fault is unknown here.
         """
-        self._now_s = max(self._now_s, item.time_s)
+        self._now_s = max(self._now_s, item.time_s - self._motion.ahead_s)
         match item:
             case SimulationState():
                 self._state, self._since = item, []
@@ -142,9 +142,8 @@ class PlacedRover:
 
     def facts(self) -> list[Fact]:
         """Return the facts published since the last call, with stamps of the recorded clock."""
-        ahead_s = self._motion.ahead_s
-        due = self.simulated.facts()
-        return due if not ahead_s else [shifted(each, ahead_s) for each in due]
+        due, ahead_s = self.simulated.facts(), self._motion.ahead_s
+        return due if self._exact or not ahead_s else [shifted(each, ahead_s) for each in due]
 
     def _change_fault(self, fault: SimulatedFault, begins: bool) -> None:
         kind = type(fault)
@@ -162,7 +161,8 @@ class PlacedRover:
         rover = self.simulated
         if self._state is not None:
             rover.restore(self._state.text)
-        for time_s, act in (*self._since, (at_s, SimulatedJackal.facts)):
+        for now_s, act in (*self._since, (at_s, SimulatedJackal.facts)):
+            time_s = now_s + self._motion.ahead_s
             skipped_s = time_s - rover.time_s - self._tick_s
             if skipped_s > _SKIPPED_S and not self._is_killed:
                 rover.skip(skipped_s)

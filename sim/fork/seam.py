@@ -39,7 +39,8 @@ class RecordedMotion:
 
     Attributes:
         truths: times and true poses; empty for a real rover.
-        ahead_s: difference of the clock of stamps and the core's; 0 if it is the same.
+        ahead_s: difference of the clock of stamps, which is that of a live simulation, and the
+            core's; 0 if it is the same.
     """
 
     def __init__(self) -> None:
@@ -59,8 +60,9 @@ class RecordedMotion:
             self._moved_s = now_s
         match fact:
             case Odometry():
-                ahead_s = fact.stamp_s - now_s
-                self.ahead_s = ahead_s if abs(ahead_s) > _OTHER_CLOCK_S else 0.0
+                ahead_s = fact.stamp_s - now_s + PERIOD_S
+                if abs(ahead_s) > _OTHER_CLOCK_S:
+                    self.ahead_s = max(ahead_s, self.ahead_s or ahead_s)
                 self._published = fact = replace(fact, stamp_s=fact.stamp_s - self.ahead_s)
                 if is_measured and (not self._poses or fact.stamp_s > self._poses[-1][0]):
                     self._poses.append((fact.stamp_s, fact.pose))

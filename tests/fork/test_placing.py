@@ -78,7 +78,7 @@ def test_a_rover_put_at_the_true_pose_moves_on_as_recorded(
 
 
 def test_a_real_rover_is_put_at_its_odometry(items: list[Item], tmp_path: Path) -> None:
-    found = follow(items, 2.2, tmp_path, exact=False, has_truth=False)
+    found = follow(items, 1.8, tmp_path, exact=False, has_truth=False)
     assert found.placing is Placing.ODOMETRY
     moved_m = [
         each[0].point.distance_m(each[19].point) for each in (found.recorded, found.simulated)
