@@ -102,7 +102,7 @@ class PlacedRover:
         Raises:
             ValueError: a fault is unknown here.
         """
-        self._now_s = max(self._now_s, item.time_s - self._motion.ahead_s)
+        self._now_s = max(self._now_s, item.time_s)
         match item:
             case SimulationState():
                 self._state, self._since = item, []
@@ -195,7 +195,7 @@ class PlacedRover:
     def _do(self, act: Act) -> None:
         if self._is_placed:
             act(self.simulated)
-        else:
+        elif self._exact:
             self._since.append((self._now_s, act))
 
     def drive(self, velocity: Velocity) -> None:

@@ -27,7 +27,8 @@ _GRAVITY_MPS2: Final = 9.81
 _STOOD_S: Final = 0.5
 """Time after which a rover that is commanded zero stands."""
 _ENOUGH: Final = 20
-"""Minimum measurements of a standing rover, of which the mean is its constant error."""
+_MEASURED: Final = 2000
+"""Minimum and maximum measurements of a standing rover; their mean is its constant error."""
 _OTHER_CLOCK_S: Final = 5.0
 """Minimum difference of stamps and the core's clock of which they are different clocks."""
 
@@ -52,7 +53,7 @@ class RecordedMotion:
         self._camera: CameraAngles | None = None
         self._charge_ratio: float | None = None
         self._moved_s = 0.0
-        self._errors: list[list[float]] = []
+        self._errors: deque[list[float]] = deque(maxlen=_MEASURED)
 
     def observe(self, now_s: float, fact: Fact, commanded: Velocity, is_measured: bool) -> None:
         """Follow a fact; an odometry that repeats earlier poses is none that is measured."""
