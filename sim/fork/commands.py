@@ -12,6 +12,8 @@ from executive.settings import Controller
 
 DIFFERS: Final = 1
 NOT_USABLE: Final = 2
+CONFIRMING: Final = 8
+"""Number of seeds of `--save`; chosen."""
 FORK: Final = "fork.mcap"
 PLOT: Final = "plot.png"
 
@@ -52,9 +54,12 @@ PLOT: Final = "plot.png"
 @click.option(
     "--seeds",
     type=click.IntRange(1),
-    default=1,
-    show_default=True,
-    help="Number of forks; all except the first have other noise.",
+    help="Number of forks; all except the first have other noise.  [default: 1; 8 with --save]",
+)
+@click.option(
+    "--save",
+    is_flag=True,
+    help="Find the minimal change of limits, speeds, controller or arguments that saves the run.",
 )
 @click.option(
     "--out",
@@ -63,7 +68,13 @@ PLOT: Final = "plot.png"
 )
 @json_option
 def whatif(
-    recording: Path, at_s: float | None, seeds: int, out: Path | None, as_json: bool, **texts: Any
+    recording: Path,
+    at_s: float | None,
+    seeds: int | None,
+    save: bool,
+    out: Path | None,
+    as_json: bool,
+    **texts: Any,
 ) -> None:
     """Simulate a recorded run with other settings, commands, faults or another world.
 
@@ -78,11 +89,12 @@ def whatif(
       rover whatif run.mcap --at 3.2 --command "moveTo 3 2 --replace" --drop MOE:2
       rover whatif run.mcap --without left_wheels_stuck --out runs/whatif
       rover whatif run.mcap --controller mpc --json
+      rover whatif run.mcap --save
 
     \b
     Exit status:
       0  answered
-      1  without a change the fork does not reproduce the recording
+      1  without a change the fork does not reproduce the recording, nor with a known fault
       2  no such recording, key, command or fault
     """
     for package in ("mujoco", "matplotlib"):
@@ -95,10 +107,15 @@ def whatif(
     from sim.fork.question import read_change
     from sim.fork.text import answer_lines
 
+    if save:
+        if any(each not in (None, ()) for each in (at_s, out, *texts.values())):
+            raise click.UsageError("--save finds the change: of the others only --seeds and --json")
+        _save(recording, seeds or CONFIRMING, as_json)
+        return
     try:
         change = read_change(**texts)
         forked = None if out is None else _new_file(out)
-        answer = answer_of(recording, change, at_s, seeds, forked)
+        answer = answer_of(recording, change, at_s, seeds or 1, forked)
         if out is not None and answer.forks:
             write_plots([recording, out / FORK], out / PLOT)
     except (RecordingError, SettingsError) as error:
@@ -110,6 +127,25 @@ def whatif(
         for line in answer_lines(answer, change):
             echo_line(line)
     if answer.fidelity is Fidelity.DIFFERENT:
+        sys.exit(DIFFERS)
+
+
+def _save(recording: Path, seeds: int, as_json: bool) -> None:
+    """Print the answer of `--save`."""
+    from adapters.recording import RecordingError
+    from sim.fork.save import save
+
+    try:
+        answer = save(recording, range(1, seeds + 1))
+    except (RecordingError, ValueError) as error:
+        click.echo(f"Error: {error}", err=True)
+        sys.exit(NOT_USABLE)
+    if as_json:
+        echo_json(answer.document())
+    else:
+        for line in answer.lines():
+            echo_line(line)
+    if answer.saving is None:
         sys.exit(DIFFERS)
 
 

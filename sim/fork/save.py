@@ -6,14 +6,18 @@ and the run is saved under the best one if that explains it.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass, replace
 from itertools import combinations
-from math import ceil
-from typing import Final, TypeVar
+from math import ceil, inf
+from multiprocessing import get_context
+from os import sched_getaffinity
+from pathlib import Path
+from typing import Any, Final, TypeVar
 
 from executive.commands import Request, declaration_of
 from executive.history import CommandHistory
-from executive.settings import Settings
+from executive.settings import Settings, SettingsError
 from executive.values.reports import Identity, Report, Stage
 from sim.fork.candidates import (
     FACTORS,
@@ -26,7 +30,10 @@ from sim.fork.candidates import (
     limits_of,
     speeds_of,
 )
-from sim.fork.model import Change
+from sim.fork.forkable import Forkable
+from sim.fork.hypotheses import EXPLAINED, Hypothesis, rank, score
+from sim.fork.model import AddedFault, Change, Fidelity, ForkRun
+from sim.rover.faults import format_fault
 from sim.scenario.record import Record
 from sim.scenario.truth import check_executed_truth
 
@@ -104,14 +111,13 @@ class Saving:
 
     Attributes:
         command: the failed command and its end.
-        minimal, change: the minimal change that does; empty and None if none does.
+        minimal: the minimal change that does, as text; empty if none does.
         saved, saved_unchanged: numbers of seeds that succeed with it and without it.
         instead: end of the run with the extreme values of the limits that ended it.
     """
 
     command: str
     minimal: str
-    change: Change | None
     saved: int
     saved_unchanged: int
     seeds: int
@@ -122,7 +128,7 @@ class Saving:
         """Yield it as text."""
         unchanged = f"without a change in {self.saved_unchanged} of {self.seeds}"
         yield self.command
-        if self.change is not None:
+        if self.minimal:
             yield f"saved by {self.minimal}"
             yield f"  EXECUTED with {self.saved} of {self.seeds} seeds, {unchanged}"
             return
@@ -164,7 +170,6 @@ class Search:
         return Saving(
             f"{self._failed} {name} {_end_text(self._end)}",
             each.text if each else "",
-            each.change if each else None,
             saved,
             unchanged,
             len(self._seeds),
@@ -221,3 +226,117 @@ class Search:
     def _run(self, trials: Sequence[Trial]) -> Sequence[Verdict]:
         self._tried += len(trials)
         return self._play(trials) if trials else []
+
+
+@dataclass(frozen=True, slots=True)
+class SaveAnswer:
+    """Answer of `rover whatif --save`.
+
+    Attributes:
+        fidelity: of the fork without a change.
+        hypotheses: faults that may explain a recording with an unknown one, the best first.
+        saving: None if no hypothesis explains the recording.
+    """
+
+    recording: str
+    fidelity: Fidelity
+    hypotheses: tuple[Hypothesis, ...]
+    saving: Saving | None
+
+    def document(self) -> dict[str, Any]:
+        """Return it as JSON data."""
+        faults = [
+            {
+                "fault": format_fault(each.fault.fault),
+                "begin_s": each.fault.begin_s,
+                "score": each.score,
+            }
+            for each in self.hypotheses
+        ]
+        saving = None if self.saving is None else asdict(self.saving)
+        fidelity = self.fidelity.name
+        return {
+            "recording": self.recording,
+            "fidelity": fidelity,
+            "hypotheses": faults,
+            "saving": saving,
+        }
+
+    def lines(self) -> Iterator[str]:
+        """Yield it as text."""
+        if self.hypotheses:
+            yield "a fork without a change ends otherwise; faults that may explain the recording:"
+            yield from (f"  {each}" for each in self.hypotheses)
+        if self.saving is None:
+            yield f"none explains it (a score up to {EXPLAINED:g} does): no change was tried"
+        else:
+            yield from self.saving.lines()
+
+
+def save(path: Path, seeds: Sequence[int]) -> SaveAnswer:
+    """Return the minimal change that saves the first command of a recording that failed.
+
+    Raises:
+        RecordingError: it is no recording that can be forked.
+        ValueError: no command failed.
+    """
+    forkable = Forkable(path)
+    recorded = forkable.recorded
+    ends = ((i, each.end) for i, each in recorded.record.all_lifecycles().items())
+    failed = [(i, end) for i, end in ends if end and end.stage in (Stage.FAILED, Stage.REJECTED)]
+    requests = {each.identity: each.request for each in recorded.record.requested}
+    if not failed:
+        raise ValueError(f"{path}: no command failed or was rejected; there is nothing to save")
+    identity, end = failed[0]
+    unchanged, fidelity = forkable.unchanged(None)
+    ranked: list[Hypothesis] = []
+    if fidelity is Fidelity.DIFFERENT:
+        fork = _forks(forkable, lambda run: score(recorded, run), inf)
+        ranked = rank(recorded, unchanged, forkable.settings, fork)[:SHOWN]
+        if ranked[0].score > EXPLAINED:
+            return SaveAnswer(str(path), fidelity, tuple(ranked), None)
+    faults = tuple(each.fault for each in ranked[:1])
+    as_was = recorded.record if ranked else unchanged.record  # only the latter has contacts
+    refused = Verdict("the settings refuse it", None)
+    play = _forks(forkable, lambda run: judge(identity, as_was, run.record), refused, faults)
+    search = Search(identity, end, requests[identity], forkable.settings, play, seeds)
+    return SaveAnswer(str(path), fidelity, tuple(ranked), search.run())
+
+
+def _forks(
+    forkable: Forkable,
+    judged: Callable[[ForkRun], T],
+    refused: T,
+    faults: tuple[AddedFault, ...] = (),
+) -> Callable[[Sequence[Trial]], list[T]]:
+    """Return a function that makes forks in a process on each core, and judges them there.
+
+    A change that the settings refuse has the result `refused`; all forks have the faults.
+    """
+
+    def result(trial: Trial) -> T:
+        change, seed = trial
+        changed = replace(change, faults=(*change.faults, *faults), seed=seed)
+        try:
+            return judged(forkable.fork(changed))
+        except SettingsError:
+            return refused
+
+    def results(trials: Sequence[Trial]) -> list[T]:
+        # The processes inherit the recording by the fork: neither it nor the function is pickled.
+        forking = get_context("fork")
+        with ProcessPoolExecutor(len(sched_getaffinity(0)), forking, _adopt, (result,)) as pool:
+            return list(pool.map(_run, trials))
+
+    return results
+
+
+_results: list[Callable[[Trial], Any]] = []
+
+
+def _adopt(result: Callable[[Trial], Any]) -> None:
+    _results.append(result)
+
+
+def _run(trial: Trial) -> Any:
+    return _results[0](trial)

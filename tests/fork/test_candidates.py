@@ -170,16 +170,16 @@ def test_a_speed_is_smaller_than_two_limits() -> None:
 def test_no_change_saves_a_run_that_the_next_reason_ends() -> None:
     needed = {"faults.off_command.above": (0.2, COMMAND), "another": (1.0, OTHER)}
     found = Monitors(needed).search()
-    assert (found.change, found.instead) == (None, f"FAILED {Reason.LEAF_RAISED}")
+    assert (found.minimal, found.instead) == ("", f"FAILED {Reason.LEAF_RAISED}")
     assert "no change of limits, speeds, controller or arguments saves it" in [*found.lines()]
 
 
 @pytest.mark.parametrize(("unlucky", "saved"), [((4,), 3), ((3, 4), 0)])
 def test_a_change_that_saves_by_chance_is_not_named(unlucky: tuple[int, ...], saved: int) -> None:
     found = Monitors(ONE, unlucky=unlucky).search()
-    assert (found.saved, found.change is None) == (saved, saved == 0)
+    assert (found.saved, not found.minimal) == (saved, saved == 0)
 
 
 def test_a_change_is_not_named_that_saves_fewer_seeds_than_none() -> None:
     found = Monitors(ONE, unlucky=(4,), by_chance=True).search()
-    assert (found.change, found.saved_unchanged) == (None, 4)
+    assert (found.minimal, found.saved_unchanged) == ("", 4)
