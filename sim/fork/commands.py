@@ -50,7 +50,11 @@ PLOT: Final = "plot.png"
     type=click.Choice([each.value for each in Controller]),
     help="Drive all motions to targets with this controller.",
 )
-@click.option("--world", metavar="NAME", help="Run in this world: a name, or a YAML file.")
+@click.option(
+    "--world",
+    metavar="NAME",
+    help="Run in this world: a name, a YAML file, or `scans` for the obstacles that were measured.",
+)
 @click.option(
     "--seeds",
     type=click.IntRange(1),

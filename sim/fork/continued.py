@@ -4,11 +4,12 @@ The core is the replayed one, with all of its state; the rover is a simulated on
 recorded rover was. Recordings without a timeline of their simulation are forked so.
 """
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeGuard
 
 from adapters.recording import RecordingError
 from adapters.recording.replayed import RecordedEntry, ReplayedCore, topic_of
@@ -16,6 +17,7 @@ from executive.core.recording import (
     CoreCall,
     CoreCalled,
     Entry,
+    FactObserved,
     ProcessStart,
     RecordingSink,
     SimulationItem,
@@ -24,6 +26,17 @@ from executive.core.recording import (
 from executive.core.runner import Executive
 from executive.settings import Settings
 from executive.values.clock import ManualClock
+from executive.values.facts import (
+    EmergencyStop,
+    ExternalAuthorityUse,
+    ExternalCommandEnded,
+    ExternalCommandRunning,
+    ExternalStop,
+    Fact,
+    ForeignPublishers,
+    MapToOdom,
+    RejectedData,
+)
 from sim.fork.model import Placing
 from sim.fork.placing import PlacedRover
 from sim.fork.run_log import Step, differing
@@ -31,6 +44,17 @@ from sim.rover.lockstep import STEP_S, LockStep
 from sim.rover.simulation import Simulation
 from sim.scenario.record import ALMOST_S
 
+_OTHERS: Final = (
+    ForeignPublishers,
+    ExternalCommandEnded,
+    ExternalCommandRunning,
+    ExternalStop,
+    ExternalAuthorityUse,
+    RejectedData,
+    EmergencyStop,
+    MapToOdom,
+)
+"""Facts that neither rover nor decisions cause: they occur in a fork as recorded."""
 TICK: Final = "/in/tick"
 
 
@@ -60,9 +84,17 @@ class _ForkedClock(ManualClock):
     def set(self, now_s: float) -> None:
         """Set the time."""
         super().set(now_s)
-        core_s = self._core_s + now_s + self._ahead_s
         utc_s = self.utc_s() + self._ahead_s
-        self._core.clock.entry = CoreCalled(core_s, utc_s, CoreCall.TICK)
+        self._core.clock.entry = CoreCalled(self.core_s, utc_s, CoreCall.TICK)
+
+    @property
+    def core_s(self) -> float:
+        """Time on the monotonic clock of the core."""
+        return self._core_s + self.now_s() + self._ahead_s
+
+
+def _is_other(entry: Entry) -> TypeGuard[FactObserved]:
+    return isinstance(entry, FactObserved) and isinstance(entry.fact, _OTHERS)
 
 
 class ContinuedLockStep(LockStep):
@@ -83,6 +115,7 @@ class ContinuedLockStep(LockStep):
     """
 
     placing: Placing
+    clock: _ForkedClock
 
     def __init__(
         self,
@@ -103,6 +136,13 @@ class ContinuedLockStep(LockStep):
         assert self._core is not None
         self._sink.put(replace(item, time_s=self._core.clock.now_s()))
 
+    def facts(self) -> list[Fact]:
+        """Return the simulated facts since the last call, and recorded ones of other sources."""
+        found, now_s = self._placed.facts(), self.clock.core_s
+        while self._others and self._others[0].now_s <= now_s + ALMOST_S:
+            found.append(self._others.popleft().fact)
+        return found
+
     def _start(self) -> Executive:
         if self._core is not None:
             return super()._start()
@@ -117,7 +157,9 @@ class ContinuedLockStep(LockStep):
         self.placing = self._placed.place(until_s)
         executive = self._core.continue_live(self._solver)
         executive.wake = self._wake
-        self._seen = self._placed  # type: ignore[assignment]
+        self._seen = self  # type: ignore[assignment]
+        following = (each.entry for each in entries if each.entry.now_s > until_s + ALMOST_S)
+        self._others = deque(each for each in following if _is_other(each))
         self._steps = round((until_s - began_s) / tick_s) * round(tick_s / STEP_S)
         ahead_s = until_s - began_s - self._steps * STEP_S
         ahead_s = 0.0 if abs(ahead_s) < ALMOST_S else ahead_s

@@ -6,10 +6,11 @@ the recorded run to the last bit.
 """
 
 import tempfile
+from bisect import bisect_left
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 from math import inf
 from pathlib import Path
 from typing import Final
@@ -41,7 +42,7 @@ from sim.fork.continued import ContinuedLockStep, Seam
 from sim.fork.model import Change, Fidelity, ForkOutcome, ForkRun, Placing, WhatIf
 from sim.fork.noise import change_noise
 from sim.fork.run_log import RunLog, first_difference
-from sim.rover import StartPose, World
+from sim.rover import Rock, StartPose, World
 from sim.rover.lockstep import STEP_S, LockStep
 from sim.rover.simulation import Simulation, fault_of
 from sim.scenario.expect_rover import PoseIs, WorldPose
@@ -50,6 +51,8 @@ from sim.scenario.model import Cargo, Clear, Entry, Inject, Scenario, Send
 from sim.scenario.reading import read_timeline
 from sim.scenario.record import ALMOST_S, AdmittedRequest, Answer, Record, SentCommand
 
+SCANNED_M: Final = 0.5
+"""Height of measured obstacles, above the plane of the laser; chosen."""
 MAX_EXTRA_S: Final = 60.0
 """Maximum time of a fork after the end of the recording, for commands that have not ended."""
 SETTLING_S: Final = 2.0
@@ -142,7 +145,7 @@ class Forkable:
             title="fork",
             asset=self.settings.asset,
             settings=changed_settings(self.settings, change),
-            world=change.world or simulation.world,
+            world=self._scanned if change.scans else change.world or simulation.world,
             odometry=simulation.odometry,
             seed=simulation.seed if change.seed is None else change.seed,
             duration_s=self._log.now_s + MAX_EXTRA_S,
@@ -152,7 +155,7 @@ class Forkable:
         run = partial(
             _ForkedRun,
             end_s=self._log.now_s,
-            extends=change != Change(),
+            extends=change not in (Change(), _assumption(change)),
             noise=None if seed is None else (at_s or 0.0, seed),
         )
         with ExitStack() as stack:
@@ -184,9 +187,16 @@ class Forkable:
         )
         return ForkRun(outcome, record, tuple(log.odometry)), log
 
-    def unchanged(self, at_s: float | None = None) -> tuple[ForkRun, Fidelity]:
-        """Return the fork without a change, and how well it reproduces the recording."""
-        run, log = self._fork(Change(), at_s)
+    def unchanged(
+        self, at_s: float | None = None, assumed: Change | None = None
+    ) -> tuple[ForkRun, Fidelity]:
+        """Return the fork without a change, and how well it reproduces the recording.
+
+        Args:
+            at_s: time of the fork; None for before the first command.
+            assumed: world and seed that the recording lacks.
+        """
+        run, log = self._fork(assumed or Change(), at_s)
         # The last instant of a truncated file may be incomplete.
         if log.until(self._log.now_s) == self._log.until(self._log.now_s):
             return run, Fidelity.BIT_EQUAL
@@ -206,7 +216,8 @@ class Forkable:
         if self.settings.locomotion is not LocomotionKind.VELOCITY:
             raise SettingsError("a rover of whole motions is forked only with its scenario")
         world, settings = self._simulation and self._simulation.world, scenario.settings
-        simulation = Simulation(scenario.world, scenario.seed, scenario.odometry)
+        base = self._simulation or Simulation(scenario.world)
+        simulation = replace(base, world=scenario.world, seed=scenario.seed)
         parts = settings.sensors, settings.mux
         same = simulation == self._simulation and parts == (
             self.settings.sensors,
@@ -223,7 +234,7 @@ class Forkable:
             if index in played and isinstance(entry, Send):
                 sent = SentCommand(entry.name, identity, self._played_s[index], Answer.ACCEPTED)
                 record.sendings.append(sent)
-        run(scenario, lock, record).continue_behind(played)
+        run(scenario, lock, record).continue_behind(played, self._log.contacts_s)
         record.contacts, record.simulated_s = lock.rover.contacts, lock.time_s
         lock.executive.simulate_crash()
         return record, lock.placing, began_s
@@ -233,9 +244,26 @@ class Forkable:
         pairs = enumerate(zip(self.timeline, timeline, strict=False))
         changed = [self._played_s.get(index, inf) for index, (a, b) in pairs if a != b]
         added = (each.at_s for each in timeline[len(self.timeline) :] if each.at_s is not None)
-        first = min(self._played_s.values(), default=1.0) if change == Change() else inf
+        is_same = change == _assumption(change)
+        first = min(self._played_s.values(), default=1.0) if is_same else inf
         before = [each - STEP_S for each in (*changed, *added)]
         return min([first - STEP_S if at_s is None else at_s, *before])
+
+    @cached_property
+    def _scanned(self) -> World:
+        """Level ground with the obstacles that the laser measured until the end."""
+        with tempfile.TemporaryDirectory(prefix="rover-fork-") as folder:
+            seam = Seam(Simulation(World(start=self._origin)), exact=False, same_ground=False)
+            lock = ContinuedLockStep(self._steps, self.settings, seam, Path(folder), RunLog())
+            found = lock.executive.status.obstacles.scanned
+            lock.executive.simulate_crash()
+        rocks = tuple(Rock(each.x_m, each.y_m, each.radius_m, SCANNED_M) for each in found)
+        return World(name="scans", rocks=rocks, start=self._origin)
+
+    @property
+    def has_world(self) -> bool:
+        """Whether world and seed are recorded."""
+        return self._simulation is not None
 
     @property
     def _origin(self) -> StartPose:
@@ -297,11 +325,26 @@ class _ForkedRun(LockstepRun):
     ) -> None:
         super().__init__(scenario, lock, record)
         self._until_s, self._extends, self._noise = end_s - ALMOST_S, extends, noise
+        self._contacts_s: Sequence[float] | None = None
 
-    def continue_behind(self, played: Collection[int]) -> None:
-        """Run from the present time on, without the entries that were carried out before."""
+    def continue_behind(self, played: Collection[int], contacts_s: Sequence[float]) -> None:
+        """Run from the present time on, without the entries that were carried out before.
+
+        The ground is in contact when it was in the recording, at `contacts_s`.
+        """
         self._timeline.leave_out(played)
+        self._contacts_s = contacts_s
         self.run()
+
+    @property
+    def in_contact(self) -> bool:
+        """Whether an executive runs, and the link is up, as far as the recording lasts."""
+        now_s, before_s = self._lock.time_s, self._lock.time_s - 2 * self._tick_steps * STEP_S
+        if self._contacts_s is None or now_s > self._until_s:
+            return super().in_contact
+        index = bisect_left(self._contacts_s, before_s)
+        recorded = index < len(self._contacts_s) and self._contacts_s[index] <= now_s + ALMOST_S
+        return recorded and super().in_contact
 
     @property
     def has_ended(self) -> bool:
@@ -343,9 +386,10 @@ def whatif(
     run = Forkable(path)
     changed_settings(run.settings, change)
     changed_timeline(run.timeline, change, at_s)
-    unchanged, fidelity = run.unchanged(at_s)
+    assumed = Change() if run.has_world else _assumption(change)
+    unchanged, fidelity = run.unchanged(at_s, assumed)
     forks: list[ForkOutcome] = []
-    if fidelity is not Fidelity.DIFFERENT and change != Change():
+    if fidelity is not Fidelity.DIFFERENT and change != assumed:
         with tempfile.TemporaryDirectory(prefix="rover-fork-") as folder:
             file = out or Path(folder, "fork.mcap")
             forks.append(_explained(run.fork(change, at_s, out=file).outcome, path, file))
@@ -357,6 +401,11 @@ def whatif(
         fidelity=fidelity,
         forks=tuple(forks),
     )
+
+
+def _assumption(change: Change) -> Change:
+    """Return the part of a change that a recording without a simulation lacks."""
+    return Change(world=change.world, scans=change.scans, seed=change.seed)
 
 
 def _explained(outcome: ForkOutcome, recorded: Path, forked: Path) -> ForkOutcome:

@@ -74,6 +74,7 @@ class Change:
         settings: keys of the settings and their values, such as `drive.travel_speed=0.6`.
         controller: controller of all motions that name one or may have one; None for no change.
         world: world instead of the recorded one; None for that.
+        scans: whether the world is level ground with the obstacles that the laser measured.
         seed: seed of the noise instead of the recorded one; the fork is then not exact.
         added, dropped, replaced: commands.
         without: names of recorded faults that do not happen, as in scenario files.
@@ -84,6 +85,7 @@ class Change:
     settings: tuple[Override, ...] = ()
     controller: Controller | None = None
     world: World | None = None
+    scans: bool = False
     seed: int | None = None
     added: tuple[AddedCommand, ...] = ()
     dropped: tuple[Identity, ...] = ()

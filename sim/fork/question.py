@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Final
 
 from adapters.mrs.cli.command_text import read_command_text
 from executive.commands import DIRECT_LINK
@@ -10,6 +11,8 @@ from executive.values.reports import Identity
 from sim.fork.model import AddedCommand, Change
 from sim.rover import World, load_world
 from sim.scenario.changes import Override
+
+SCANS: Final = "scans"
 
 
 def read_change(
@@ -34,7 +37,8 @@ def read_change(
     return Change(
         settings=overrides,
         controller=None if controller is None else Controller(controller),
-        world=None if world is None else _world(world),
+        world=None if world in (None, SCANS) else _world(world),
+        scans=world == SCANS,
         added=tuple(AddedCommand(each.request, preemption=each.preemption) for each in typed),
         dropped=tuple(map(_identity, dropped)),
         without=tuple(without),

@@ -19,6 +19,7 @@ from executive.core.recording import (
     Entry,
     FactObserved,
     FrameRequested,
+    GroundContact,
     HaltCommanded,
     Item,
     ModeChanged,
@@ -38,7 +39,7 @@ from executive.values.facts import Odometry
 from executive.values.geometry import Pose
 from executive.values.reports import Identity, Report, ReportKind
 from sim.fork.model import CommandOutcome, FirstDifference, TrackPoint
-from sim.scenario.model import Send
+from sim.scenario.model import Crash, Send
 from sim.scenario.record import TruePose
 
 ACTS: Final = (
@@ -70,7 +71,8 @@ class RunLog:
         core_s, utc_s: time of the first entry, on the core's clock and as UTC.
         decisions: every decision with its time.
         odometry: pose of the odometry at each tick.
-        sent: commands with their times, as in a timeline.
+        contacts_s: times of contacts with the ground.
+        sent: commands, and restarts of the executive, as in a timeline.
         simulation: items on the simulation, and the starts of the executive.
         kinds: types of all items.
     """
@@ -83,10 +85,12 @@ class RunLog:
     odometry: list[TruePose] = field(default_factory=list)
     reports: list[Report] = field(default_factory=list)
     requests: dict[Identity, Request] = field(default_factory=dict)
-    sent: list[Send] = field(default_factory=list)
+    contacts_s: list[float] = field(default_factory=list)
+    sent: list[Send | Crash] = field(default_factory=list)
     simulation: list[SimulationItem | ProcessStart] = field(default_factory=list)
     kinds: set[type] = field(default_factory=set)
     _pose: Pose | None = None
+    _before_s: float = 0.0
 
     @classmethod
     def read(cls, steps: Iterable[Step], reader: RunReader) -> "RunLog":
@@ -118,10 +122,15 @@ class RunLog:
         elif isinstance(item, Entry) and not is_within(item):
             if self.core_s is None:
                 self.core_s, self.utc_s = item.now_s, item.utc_s
-            self.now_s = item.now_s - self.core_s
+            self._before_s, self.now_s = self.now_s, item.now_s - self.core_s
         match item:
             case FactObserved(fact=Odometry(pose=pose)):
                 self._pose = pose
+            case CoreCalled(call=CoreCall.START) if self._pose is not None:
+                down_s = self.now_s - self._before_s
+                self.sent.append(Crash(at_s=self._before_s, crash_s=down_s))
+            case GroundContact():
+                self.contacts_s.append(self.now_s)
             case CoreCalled(call=CoreCall.TICK) if self._pose is not None:
                 self.odometry.append(TruePose(self.now_s, self._pose))
             case CommandDequeued(command=command) if command.identity not in self.requests:

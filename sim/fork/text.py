@@ -39,6 +39,8 @@ def _changes(change: Change) -> Iterator[str]:
         yield f"with {change.controller.value}"
     if change.world is not None:
         yield f"in {change.world.name}"
+    if change.scans:
+        yield "among the measured obstacles"
     yield from (f"with {declaration_of(type(each.request)).name}" for each in change.added)
     yield from (f"without {each}" for each in (*change.dropped, *change.without))
 

@@ -158,6 +158,30 @@ def test_a_recording_of_a_rover_is_continued_from_its_pose(
     assert fork.outcome.first_difference == exact.outcome.first_difference
 
 
+def test_a_restart_occurs_as_recorded(tmp_path: Path) -> None:
+    play(tmp_path, "killed", "duration=7")
+    kinds = get_args(SimulationItem)
+    killed = Forkable(rewritten(tmp_path / "run.mcap", tmp_path / "killed.mcap", None, kinds))
+    fork, fidelity = killed.unchanged()
+    assert fidelity is Fidelity.SAME_OUTCOMES
+    assert "FAILED INTERRUPTED" in stages(fork.outcome).values()
+
+
+def test_measured_obstacles_are_the_world_that_a_recording_lacks(tmp_path: Path) -> None:
+    rocks = "world.rocks=[{x: 1.5, y: 0.1, radius: 0.3, height: 0.6}]"
+    play(tmp_path, "unknown_rocks", "duration=6", rocks, "world.scatter={count: 0}")
+    run = Forkable(tmp_path / "run.mcap", exact=False)
+    recorded = run.recorded.outcome.pose
+    assert recorded is not None
+    around, through = (
+        run.unchanged(assumed=assumed)[0].outcome.pose for assumed in (Change(scans=True), None)
+    )
+    assert around is not None
+    assert through is not None
+    assert around.point.distance_m(recorded.point) < 0.1
+    assert through.point.distance_m(recorded.point) > 0.15
+
+
 @pytest.mark.parametrize(
     ("change", "text"),
     [
