@@ -156,6 +156,7 @@ STRESS: Final = {
     "power-cuts": {"--kills": (2000, 50)},
     "authority": {"--interleavings": (100_000, 1000)},
     "replays": {"--runs": (500, 3)},
+    "forks": {"--forks": (200, 2)},
     "navigation": {"--drives": (50, 1)},
     "fuzz": {"--messages": (1_000_000, 5000)},
     "bundle-fuzz": {"--messages": (300_000, 5000)},

@@ -10,6 +10,7 @@ from adapters.mops import load_dictionary
 from executive.values.geometry import Pose
 from executive.values.parameters import Parameter
 from sim.brick import BrickSettings, Firmware, Readings, SensorReadings, SetPoints
+from sim.checkpoint import CheckpointError
 from sim.rover import faults
 from sim.rover.body import PERIOD_S, BatteryPack, SimulatedBody, offset_left
 from sim.rover.camera import PictureSettings
@@ -56,6 +57,14 @@ class SimulatedMocup(SimulatedBody):
         self._first_rad = self._wheels_rad
         self._points = SetPoints(0.0, 0.0, 0.0, 0.0)
         self._actuate()
+
+    def save(self) -> str:
+        """Refuse: a state without that of the brick would continue another run.
+
+        Raises:
+            CheckpointError: always.
+        """
+        raise CheckpointError("the state of MOCUP's brick is not saved: start at the beginning")
 
     def receive(self, octets: bytes) -> None:
         """Pass octets to the brick."""

@@ -369,6 +369,15 @@ def replays(count: int, seed: int, folder: Path | None) -> "list[Figure]":
     return replays.measure(count, seed, log, folder)
 
 
+@benchmark("forks --forks 20", count("--forks", 200), SEED)
+def forks(count: int, seed: int) -> "list[Figure]":
+    """Forks of recordings: the same without a change, and with one as the scenario itself?"""
+    from tests.benchmarks import forks
+
+    log(f"forks: {count} recordings without a change, {count} changes ...")
+    return forks.measure(count, count, seed, log)
+
+
 @benchmark("fuzz --messages 50000", count("--messages", 1_000_000), SEED)
 def fuzz(count: int, seed: int) -> "list[Figure]":
     """Wrong messages against living providers: does any promise break? (about 4 minutes)."""

@@ -26,6 +26,7 @@ from sim.rover.faults import SimulatedFault, declared_faults, unsupported_reason
 from sim.rover.features import FrictionPatch
 from sim.rover.jackal import SimulatedJackal, WheelOdometry
 from sim.rover.lockstep import LockStep
+from sim.rover.mocup import SimulatedMocup
 from sim.rover.world import Rock, SoilShape, World
 from tests.support.examples import in_full
 
@@ -223,3 +224,8 @@ def test_a_recording_in_lock_step_has_the_state_of_each_second(tmp_path: Path) -
     rover.restore(states[-1].text)
     rover.advance(lock.time_s - states[-1].time_s)
     assert rover.true_pose == lock.rover.true_pose
+
+
+def test_mocup_refuses_to_be_saved_without_its_brick() -> None:
+    with pytest.raises(CheckpointError, match="brick"):
+        SimulatedMocup(World()).save()
