@@ -158,6 +158,7 @@ STRESS: Final = {
     "replays": {"--runs": (500, 3)},
     "forks": {"--forks": (200, 2)},
     "navigation": {"--drives": (50, 1)},
+    "saving": {"--runs": (50, 1)},
     "fuzz": {"--messages": (1_000_000, 5000)},
     "bundle-fuzz": {"--messages": (300_000, 5000)},
     "mops-fuzz": {"--messages": (150_000, 1000)},

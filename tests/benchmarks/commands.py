@@ -192,6 +192,19 @@ def previews(count: int, names: Sequence[str], seed: int) -> "list[Figure]":
 
 
 @benchmark(
+    "saving --runs 5 --seeds 4",
+    count("--runs", 50),
+    click.option("--seeds", type=click.IntRange(1), default=4, show_default=True),
+    SEED,
+)
+def saving(count: int, seeds: int, seed: int) -> "list[Figure]":
+    """Failed runs: the minimal change of `rover whatif --save`, and that of all changes."""
+    from tests.benchmarks import saving
+
+    return saving.measure(count, seeds, seed, log)
+
+
+@benchmark(
     "day --hours 2",
     click.option(
         "--hours", type=click.FloatRange(0.1, 24.0), default=24.0, show_default=True, help="Of it."

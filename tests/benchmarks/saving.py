@@ -5,15 +5,17 @@ search over forks of its recording is compared with one over the scenario itself
 candidate.
 """
 
+import os
 import tempfile
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from itertools import combinations
 from math import ceil
 from pathlib import Path
 from random import Random
+from statistics import median
 from typing import Final
 
 from adapters.recording import RunFile
@@ -31,13 +33,14 @@ from sim.fork.candidates import (
     limits_of,
     speeds_of,
 )
-from sim.fork.model import Change
-from sim.fork.save import CONFIRMED, MAX_TOGETHER, Play, Trial, Verdict, judge
+from sim.fork.model import Change, Fidelity
+from sim.fork.save import CONFIRMED, MAX_TOGETHER, Play, Trial, Verdict, judge, save
 from sim.scenario.changes import Override
 from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import Inject, RunMode, Scenario, Send
 from sim.scenario.reading import load_scenario
 from sim.scenario.record import Record
+from tests.support.figures import Figure, Goal
 
 MOTIONS: Final = ("motion_forward", "motion_goal", "motion_turn", "motion_held", "motion_path")
 FAULTS: Final[tuple[tuple[str, float, float], ...]] = (
@@ -227,3 +230,36 @@ def brute_force(run: FailedRun, play: Play, seeds: Sequence[int]) -> tuple[Candi
 
 def _saved(play: Play, change: Change, seeds: Sequence[int]) -> int:
     return sum(each.saved for each in play([(change, seed) for seed in seeds]))
+
+
+def measure(number: int, seeds: int, seed: int, log: Callable[[str], None]) -> list[Figure]:
+    """Compare both searches over failed runs; log each run in which they differ."""
+    same = savable = exact = 0
+    cpu_s = []
+    for run in failed_runs(number, seed):
+        with tempfile.TemporaryDirectory(prefix="rover-saving-") as folder:
+            recording = Path(folder, "run.mcap")
+            played(run.scenario, recording)
+            began_s = _cpu_s()
+            answer = save(recording, range(1, seeds + 1))
+            cpu_s.append(_cpu_s() - began_s)
+        best, saved = brute_force(run, scenario_play(run), range(1, seeds + 1))
+        found = ("", 0) if answer.saving is None else (answer.saving.minimal, answer.saving.saved)
+        expected = ("" if best is None else best.text, saved)
+        savable += best is not None
+        exact += answer.fidelity is Fidelity.BIT_EQUAL
+        same += found == expected
+        if found != expected:
+            log(f"{run.name} {' '.join(run.changes)}: {found}, by the scenario {expected}")
+    count = f"{number} failed runs, {seeds} seeds"
+    return [
+        Figure("same change and share", 100 * same / number, "%", count, Goal(95, at_least=True)),
+        Figure("runs that a change saves", 100 * savable / number, "%", count),
+        Figure("bit-equal without a change", 100 * exact / number, "%", count, Goal(100, True)),
+        Figure("CPU time of a search, median", median(cpu_s), "s", count),
+    ]
+
+
+def _cpu_s() -> float:
+    """Return the CPU time of this process and of its children that have ended."""
+    return sum(os.times()[:4])
