@@ -3,7 +3,7 @@
 import asyncio
 import json
 import re
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
@@ -64,6 +64,24 @@ async def test_a_command_is_sent_once_and_previewed_from_where_the_rover_is(
         await expect(preview).to_contain_text(re.compile(r" (0\.9|1\.0). m"))
         await asyncio.to_thread(rover.carry_out, MoveForward(0.5))
         await expect(preview).to_contain_text(re.compile(r" 0\.[45]. m"))
+        shown = page.get_by_label("only if it is where I see it: within 0.5 m and 11° of x 3.4")
+        await expect(shown).not_to_be_checked()
+        unseen = await behind_a_delay(page)
+        await page.get_by_label("command", exact=True).select_option("rotateBy")
+        await expect(shown).to_be_checked()
+        await page.screenshot(path=ARTIFACTS / "console-precondition.png")
+        await page.get_by_label("angle", exact=True).fill("30")
+        unseen.append("tm")
+        await asyncio.to_thread(rover.carry_out, MoveForward(2.0))
+        async with page.expect_request("**/api/commands") as posted:
+            await page.get_by_role("button", name="Send rotateBy to jackal").click()
+        only_at = json.loads((await posted.value).post_data or "")["only_at"].split(" ")
+        assert [round(float(each), 1) for each in only_at] == [3.5, 0.0, 0.5, 0.0, 0.2]
+        outcome = page.get_by_test_id("outcome")
+        await expect(outcome).to_contain_text(re.compile(r"rejected.* but [12]\.\d\d m away"))
+        await shown.set_checked(False)
+        await page.get_by_role("button", name="Send rotateBy to jackal").click()
+        await expect(outcome).to_contain_text("executed")
 
 
 async def test_a_laptop_shows_six_commands_and_announces_new_ones(
@@ -159,13 +177,35 @@ def commands(page: Page) -> Locator:
 
 async def by_relay(page: Page) -> None:
     """Open the page again, with each command as if it were sent by the relay."""
+    await with_messages(
+        page, lambda each: each | ({"link": "relay"} if each["ty"] == "cmd" else {})
+    )
+
+
+async def behind_a_delay(page: Page) -> list[str]:
+    """Open the page again on a link with a round trip of 10 s; return the types that it misses."""
+    unseen: list[str] = []
+
+    def changed(message: dict[str, Any]) -> dict[str, Any] | None:
+        if message["ty"] in unseen:
+            return None
+        return message | ({"round_trip": 10.0} if message["ty"] == "link" else {})
+
+    await with_messages(page, changed)
+    return unseen
+
+
+async def with_messages(
+    page: Page, change: Callable[[dict[str, Any]], dict[str, Any] | None]
+) -> None:
+    """Open the page again; it receives each message as changed, if at all."""
 
     def relayed(socket: WebSocketRoute) -> None:
         server = socket.connect_to_server()
         server.on_message(lambda text: socket.send(json.dumps(changed(json.loads(text)))))
 
     def changed(messages: list[dict[str, Any]]) -> list[dict[str, Any]]:
-        return [each | ({"link": "relay"} if each["ty"] == "cmd" else {}) for each in messages]
+        return [each for each in map(change, messages) if each is not None]
 
     await page.route_web_socket(re.compile("/ws$"), relayed)
     await page.reload()

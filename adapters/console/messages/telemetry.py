@@ -171,6 +171,7 @@ class LinkStatus:
         last_received: last reception time; None for never.
         detail: human-readable reason.
         round_trip: declared round-trip time, s; 0 without a declaration.
+        preconditions: whether commands over it can have preconditions.
     """
 
     ty: ClassVar[str] = "link"
@@ -183,6 +184,7 @@ class LinkStatus:
     last_received: float | None
     detail: str
     round_trip: float = 0.0
+    preconditions: bool = False
 
 
 @dataclass(frozen=True, slots=True)

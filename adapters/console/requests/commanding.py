@@ -30,7 +30,14 @@ from adapters.console.web import invalid, is_number, one_of, refused
 from adapters.mal import MalError, StandardError
 from adapters.mrs.ground import CommandIdGenerator, MrsClient
 from adapters.mrs.spec import AreaError, PlanPreview, Preview, describe_error
-from executive.commands import Command, Motion, PlanDefinition, PreemptionPolicy, Request
+from executive.commands import (
+    Command,
+    Motion,
+    PlanDefinition,
+    Precondition,
+    PreemptionPolicy,
+    Request,
+)
 from executive.settings import Settings
 
 T = TypeVar("T")
@@ -53,6 +60,7 @@ class CommandPost:
         id: created by the page; a repeated id is not sent a second time.
         link: link to send it over; None for the fastest link.
         lifetime_s: lifetime of the command; None for unlimited.
+        precondition: condition of its execution; None for none.
     """
 
     id: str
@@ -62,6 +70,7 @@ class CommandPost:
     link: LinkKind | None = None
     preemption: PreemptionPolicy = PreemptionPolicy.APPEND
     lifetime_s: float | None = None
+    precondition: Precondition | None = None
 
 
 def parse_command_post(body: dict[str, Any]) -> CommandPost:
@@ -70,6 +79,10 @@ def parse_command_post(body: dict[str, Any]) -> CommandPost:
     Raises:
         RequestError: a field is invalid.
     """
+    try:
+        precondition = Precondition.from_wire(body.get("only_at"), None, None)
+    except (TypeError, ValueError) as error:
+        raise invalid("only_at", str(error)) from error
     return CommandPost(
         id=identifier(body.get("id")),
         asset=str(body.get("asset")),
@@ -80,6 +93,7 @@ def parse_command_post(body: dict[str, Any]) -> CommandPost:
             PreemptionPolicy, "preemption", body.get("preemption", PreemptionPolicy.APPEND.value)
         ),
         lifetime_s=_lifetime(body.get("lifetime")),
+        precondition=precondition,
     )
 
 
@@ -148,6 +162,7 @@ class Commanding:
                 command_id=self._numbers.next_id(),
                 lifetime_s=posted.lifetime_s,
                 preemption=posted.preemption,
+                precondition=posted.precondition,
                 authority=self._desk.claim(link, operator),
             )
             args = posted.args if isinstance(posted.args, dict) else {}

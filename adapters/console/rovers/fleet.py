@@ -208,7 +208,8 @@ class Fleet:
                 return
             self._tracker.on_links(link.asset, are_lost=known.best_link() is None)
         status = (link.uri, link.state, link.since_s, link.last_received_s, link.detail)
-        self._publish(LinkStatus(link.asset, link.kind, *status, link.delay.declared_s))
+        offered = link.delay.declared_s, link.preconditions
+        self._publish(LinkStatus(link.asset, link.kind, *status, *offered))
 
     def on_value(self, link: RoverLink, value: ReceivedValue, rx_s: float) -> None:
         """Publish a value, unless it repeats the previous one."""

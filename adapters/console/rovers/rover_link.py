@@ -142,6 +142,7 @@ class RoverLink:
         last_received_s: last reception time; None for never.
         client: the session while it is up.
         figures: last figures of `LINK_HOUSEKEEPING`, by name.
+        preconditions: whether the asset supports preconditions of commands.
     """
 
     def __init__(
@@ -160,6 +161,7 @@ class RoverLink:
         self.last_received_s: float | None = None
         self.client: MrsClient | None = None
         self.figures: dict[str, float] = {}
+        self.preconditions = False
         self._plans: dict[str, PlanStatus] = {}
         self._wanted: asyncio.LifoQueue[Identity] = asyncio.LifoQueue()
 
@@ -199,6 +201,7 @@ class RoverLink:
             notifications = client.notifications()  # before the first await, so that none is missed
             queries = client.get_asset(), client.list_definition()
             self.info, definitions = await asyncio.gather(*queries)
+            self.preconditions = await client.supports_preconditions()
             relayed = any(each.name == NEXT_CONTACT for each in definitions)
             self.kind = LinkKind.RELAY if relayed else LinkKind.DIRECT
             self.client, self._was_up = client, True

@@ -250,6 +250,10 @@ class MrsClient(Queries):
         if where is not None and not watch.has_reports:
             on_stored(where)
 
+    async def supports_preconditions(self) -> bool:
+        """Whether the rover announces preconditions; needs no request."""
+        return (await self._session.consumer()).lists(*LIST_PRECONDITIONS)
+
     async def submit(self, command: Command) -> None:
         """Send a command and return when the rover, or the orbiter before it, has accepted it.
 

@@ -14,6 +14,9 @@ const REARM_MS = 1000;
 const MOVED_M = 0.05;
 const MOVED_RAD = 0.035;
 const REFRESH_MS = 2000;
+/** Bounds of the precondition "where it is shown"; chosen. Measured: python -m tests.benchmarks.preconditions. */
+export const SHOWN_M = 0.5;
+export const SHOWN_RAD = 0.2;
 const MOVING_MODES = ["MOVING", "TELEOP", "PLAN"];
 
 /** @import { ArgumentEntry, CommandEntry, Preview } from "./messages.js" */
@@ -33,6 +36,8 @@ export class Draft extends Observable {
   typed = {};
   /** whether it replaces the active and queued motions */
   replace = false;
+  /** @type {boolean | null} whether it needs the rover where it is shown; null for the default */
+  onlyShown = null;
   /** @type {Preview | null} null until received */
   preview = null;
   /** the rover's refusal, or the reason why no preview was received */
@@ -54,6 +59,7 @@ export class Draft extends Observable {
     this.entry = offered.find((each) => each.name === name) ?? null;
     this.typed = {};
     this.replace = false;
+    this.onlyShown = null;
     for (const argument of this.entry?.arguments ?? []) {
       this.typed[argument.name] =
         argument.type === "list" ? typedItems(argument, values[argument.name]) : typedText(argument, values[argument.name]);
@@ -86,6 +92,28 @@ export class Draft extends Observable {
   setReplace(replace) {
     this.replace = replace;
     this.#edited();
+  }
+
+  /** @param {boolean} onlyShown */
+  setOnlyShown(onlyShown) {
+    this.onlyShown = onlyShown;
+    this.#edited();
+  }
+
+  /** Whether it can need the rover where it is shown: a motion over a link that supports this. */
+  get offersOnlyShown() {
+    return Boolean(this.entry?.motion && this.asset.pose && this.asset.commandLink?.preconditions);
+  }
+
+  /** Whether it needs that; by default behind a delay. */
+  get isOnlyShown() {
+    return this.offersOnlyShown && (this.onlyShown ?? this.asset.isDelayed);
+  }
+
+  /** The precondition now, as posted. */
+  get precondition() {
+    const { x, y, heading } = this.asset.pose ?? {};
+    return this.isOnlyShown ? { only_at: [x, y, SHOWN_M, heading, SHOWN_RAD].join(" ") } : {};
   }
 
   /** Whether it can be sent: it was edited since it was sent, at least REARM_MS ago. */

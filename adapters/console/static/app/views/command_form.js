@@ -7,6 +7,7 @@ import { fetchJson, newId, operator } from "../model/connection.js";
 import { comparison } from "./command_table.js";
 import { button, html, reconcile, setText } from "../dom.js";
 import { fieldsOf } from "./forms.js";
+import { SHOWN_M, SHOWN_RAD } from "../model/draft.js";
 import { View } from "./view.js";
 import { clock, degrees, number } from "../format.js";
 
@@ -31,6 +32,9 @@ export class CommandForm extends View {
   #fieldBox = html("div", { className: "fields" });
   #replace = html("input", { type: "checkbox", onchange: () => this.draft.setReplace(this.#replace.checked) });
   #replaceLine = html("label", { className: "check" }, this.#replace, "replace the active and queued motions");
+  #onlyShown = html("input", { type: "checkbox", onchange: () => this.draft.setOnlyShown(this.#onlyShown.checked) });
+  #onlyShownText = html("span");
+  #onlyShownLine = html("label", { className: "check" }, this.#onlyShown, this.#onlyShownText);
   #link = html("select", { "aria-label": "link" });
   #linkLine = html("label", { className: "check" }, "send by", this.#link);
   #preview = html("div", { className: "preview-text", "data-testid": "preview" });
@@ -47,7 +51,7 @@ export class CommandForm extends View {
       onsubmit: (event) => (event.preventDefault(), this.#submit()),
       onkeydown: (event) => this.#onKey(event),
     },
-    html("div", { className: "scroll" }, this.#chooser, this.#summary, this.#fieldBox, this.#replaceLine, this.#linkLine, this.#outcome),
+    html("div", { className: "scroll" }, this.#chooser, this.#summary, this.#fieldBox, this.#replaceLine, this.#onlyShownLine, this.#linkLine, this.#outcome),
     this.#preview,
     html("div", { className: "buttons" }, this.#send, this.#again, this.#clear, this.#hindrance),
   );
@@ -87,6 +91,7 @@ export class CommandForm extends View {
     const json = {
       ...{ id, asset: asset.name, name: draft.entry.name, args: draft.values },
       ...(draft.replace ? { preemption: "replace" } : {}),
+      ...draft.precondition,
       ...(this.#link.value ? { link: this.#link.value } : {}),
     };
     draft.disarm();
@@ -114,6 +119,9 @@ export class CommandForm extends View {
     setText(this.#summary, draft.entry ? draft.entry.summary : "Choose a command, or click the map to prepare a move there.");
     this.#replaceLine.hidden = !draft.entry?.motion;
     this.#replace.checked = draft.replace;
+    this.#onlyShownLine.hidden = !draft.offersOnlyShown;
+    this.#onlyShown.checked = draft.isOnlyShown;
+    if (draft.offersOnlyShown) setText(this.#onlyShownText, onlyShownText(asset.pose));
     this.#drawLinks();
     this.#preview.hidden = !draft.entry?.motion || draft.isSent;
     this.#preview.classList.toggle("refused", Boolean(draft.objection));
@@ -199,6 +207,12 @@ export function predictionText({ duration, length, energy, path, clearance, near
     (clearance == null ? "" : `; minimum clearance ${clearance.toFixed(2)} m, to ${nearest}`) +
     (note ? `; ${note}` : "")
   );
+}
+
+/** @param {import("../model/asset.js").Fix} pose */
+function onlyShownText({ x, y, heading }) {
+  const bounds = `within ${SHOWN_M} m and ${degrees(SHOWN_RAD).toFixed(0)}°`;
+  return `only if it is where I see it: ${bounds} of x ${x.toFixed(2)} m, y ${y.toFixed(2)} m, ${degrees(heading).toFixed(0)}°`;
 }
 
 /** @param {CommandEntry[]} commands @returns {Map<string, CommandEntry[]>} by family */
