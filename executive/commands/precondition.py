@@ -65,7 +65,7 @@ class OnlyAt:
         """Return the bounds as a person types them: `3,2,0.5,90deg,10deg`; else a ValueError."""
         parts = text.split(",")
         if len(parts) not in (3, 5):
-            raise ValueError(f"{text!r} is no place: write X,Y,WITHIN or {_TYPED}")
+            raise ValueError(f"{text!r} is no pose with bounds: write X,Y,WITHIN or {_TYPED}")
         units = ("m", "m", "m", "rad", "rad")
         read = (
             read_quantity(part, unit, bare=unit == "m")

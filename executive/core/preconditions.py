@@ -1,6 +1,7 @@
 """`Preconditions` checks the precondition of a command on its arrival and at its start."""
 
 from contextlib import suppress
+from dataclasses import replace
 
 from executive.commands import (
     CameraWork,
@@ -16,6 +17,7 @@ from executive.commands import (
 from executive.commands.intake import check_localized
 from executive.goals import Context, Goal
 from executive.record import Ledger, LedgerError
+from executive.state import Uncertainty
 from executive.values.geometry import Point, Pose, wrap_rad
 from executive.values.quantities import angle_text
 from executive.values.reasons import Figure, Identity, Reason, Refusal
@@ -126,9 +128,10 @@ class Preconditions:
         if refusal := check_localized(status, self._context.settings):
             return refusal
         uncertainty, driven_m = status.uncertainty, status.pose.point.distance_m(pose.point)
-        unsure_m = uncertainty.position_at_m(driven_m) if uncertainty else 0.0
-        unsure_rad = uncertainty.heading_rad if uncertainty else 0.0
-        return _outside(only.at, pose, unsure_m, unsure_rad)
+        if uncertainty:
+            grown_m = uncertainty.position_at_m(driven_m)
+            return _outside(only.at, pose, replace(uncertainty, position_m=grown_m))
+        return _outside(only.at, pose, Uncertainty())
 
 
 def _predecessor(command: Command) -> Identity | None:
@@ -138,7 +141,7 @@ def _predecessor(command: Command) -> Identity | None:
     return Identity(command.identity.source, only.after)
 
 
-def _outside(at: OnlyAt, pose: Pose, unsure_m: float, unsure_rad: float) -> Refusal | None:
+def _outside(at: OnlyAt, pose: Pose, uncertainty: Uncertainty) -> Refusal | None:
     """Return a refusal if an uncertain pose may be outside the bounds, or None."""
     distance_m = pose.point.distance_m(Point(at.x_m, at.y_m))
     figures: tuple[Figure, ...] = (
@@ -148,8 +151,8 @@ def _outside(at: OnlyAt, pose: Pose, unsure_m: float, unsure_rad: float) -> Refu
         Figure("bound", at.within_m, "m"),
     )
     texts = []
-    if distance_m + unsure_m > at.within_m:
-        texts.append(f"{distance_m:.2f} m away{_or_more(f'{unsure_m:.2f} m', unsure_m)}")
+    if distance_m + uncertainty.position_m > at.within_m:
+        texts.append(f"{distance_m:.2f} m away")
     if at.heading_rad is not None and at.heading_within_rad is not None:
         off_rad = abs(wrap_rad(pose.heading_rad - at.heading_rad))
         figures += (
@@ -157,16 +160,12 @@ def _outside(at: OnlyAt, pose: Pose, unsure_m: float, unsure_rad: float) -> Refu
             Figure("heading difference", off_rad, "rad"),
             Figure("heading bound", at.heading_within_rad, "rad"),
         )
-        if off_rad + unsure_rad > at.heading_within_rad:
-            turned = f"turned by {angle_text(off_rad)}"
-            texts.append(f"{turned}{_or_more(angle_text(unsure_rad), unsure_rad)}")
+        if off_rad + uncertainty.heading_rad > at.heading_within_rad:
+            texts.append(f"turned by {angle_text(off_rad)}")
     if not texts:
         return None
-    if unsure_m or unsure_rad:
-        unsure = ("position uncertainty", unsure_m, "m"), ("heading uncertainty", unsure_rad, "rad")
-        figures += tuple(Figure(*each) for each in unsure)
-    return Refusal(Reason.PRECONDITION_POSE, f"only {at}, but {' and '.join(texts)}", figures)
-
-
-def _or_more(unsure: str, value: float) -> str:
-    return f" (uncertain by {unsure})" if value else ""
+    text = f"only {at}, but {' and '.join(texts)}"
+    if uncertainty:
+        figures += uncertainty.figures
+        text += f"; the pose is uncertain by {uncertainty}, since {uncertainty.cause}"
+    return Refusal(Reason.PRECONDITION_POSE, text, figures)

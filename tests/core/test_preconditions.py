@@ -98,8 +98,14 @@ def test_an_uncertain_pose_meets_no_narrow_bound(tmp_path: Path) -> None:
         wide = Precondition(at=OnlyAt(0.0, 0.0, 1.0))
         narrow = Precondition(at=OnlyAt(0.0, 0.0, 0.3))
         turned = Precondition(at=OnlyAt(0.0, 0.0, 1.0, 0.0, 0.05))
-        assert "uncertain by 0.40 m" in bench.refusal(RotateBy(0.5), 2, precondition=narrow).text
-        assert "uncertain by 5.7°" in bench.refusal(RotateBy(0.5), 3, precondition=turned).text
+        assert (
+            "uncertain by 0.40 m and 5.7 deg"
+            in bench.refusal(RotateBy(0.5), 2, precondition=narrow).text
+        )
+        assert (
+            "turned by 0.0°; the pose is uncertain"
+            in bench.refusal(RotateBy(0.5), 3, precondition=turned).text
+        )
         assert figures(bench, 2)["position uncertainty"] == pytest.approx(0.4)
         bench.submit(RotateBy(0.5), 4, precondition=wide)
         assert bench.finish(4) is Stage.EXECUTED
