@@ -1,5 +1,6 @@
 """A recording in a real browser."""
 
+import gzip
 import re
 from collections.abc import Iterator
 from contextlib import closing
@@ -14,6 +15,7 @@ from executive.core.recording import TelemetrySent
 from tests.conftest import port_of
 from tests.console.site import Site, Visitors, visitors
 from tests.console.test_browser import commands, picture
+from tests.console.test_theme_page import AXE, VIOLATIONS
 from tests.support.browser import BROWSER, REQUIRED
 
 pytestmark = [
@@ -21,6 +23,7 @@ pytestmark = [
     pytest.mark.skipif(BROWSER is None and not REQUIRED, reason="needs chromium"),
 ]
 
+FORK_MS = 60_000
 RECORDING = "rover:rovers/rover:jackal%40run/rover:jackal%40run"
 
 
@@ -117,6 +120,36 @@ def test_a_command_selects_its_nodes(page: Page) -> None:
         expect(page.locator(".tree g.selected").filter(has_text=leaf)).to_be_visible()
         expect(page.locator(".tree g.selected").filter(has_text="velocity")).to_have_count(0)
         command.locator(".head").click()
+
+
+def test_a_fork_is_displayed_beside_the_recording(page: Page) -> None:
+    """With the engine: a slower drive, and another command at the time of the slider."""
+    result = page.get_by_test_id("fork")
+    page.get_by_role("button", name="fork here").click()
+    expect(result).to_contain_text("a change is needed")
+    page.get_by_label("setting", exact=True).fill("drive.no_such_key=0.6")
+    page.get_by_role("button", name="fork here").click()
+    expect(result).to_contain_text("no_such_key", timeout=FORK_MS)
+
+    page.get_by_label("setting", exact=True).fill("drive.travel_speed_mps=0.3")
+    page.get_by_role("button", name="fork here").click()
+    expect(result).to_have_attribute("data-fidelity", "BIT_EQUAL", timeout=FORK_MS)
+    expect(result).to_contain_text(re.compile(r"First difference after [\d.]+ s: "))
+    row = result.locator("tr[data-command='MOE:1']")
+    ends = [float(each) for each in re.findall(r"EXECUTED ([\d.]+) s", row.inner_text())]
+    assert len(ends) == 2
+    assert ends[1] > ends[0] + 2.0, "at 0.3 m/s 3 m take longer"
+    expect(page.get_by_test_id("fork-track")).to_be_attached()
+    page.screenshot(path=picture("console-fork"))
+    page.evaluate(gzip.decompress(AXE.read_bytes()).decode())
+    assert page.evaluate(VIOLATIONS.replace(".rover-view", ".recording-view")) == []
+
+    page.get_by_label("moment").fill("2.0")
+    page.get_by_label("setting", exact=True).fill("")
+    page.get_by_label("command at this time").fill("stop")
+    page.get_by_role("button", name="fork here").click()
+    expect(row).to_contain_text("CANCELLED STOPPED 2.0", timeout=FORK_MS)
+    expect(result).to_contain_text("First difference after 2.0")
 
 
 def test_a_recording_has_its_telemetry_and_is_closed(page: Page) -> None:

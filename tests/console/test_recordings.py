@@ -4,6 +4,7 @@ import asyncio
 import json
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 from threading import Event
 
@@ -13,6 +14,7 @@ from aiohttp import web
 from adapters.console.archive import Written
 from adapters.console.recordings import recordings
 from adapters.console.recordings.recorded import RecordedRun
+from adapters.console.requests import forks
 from adapters.console.rovers import FORMS, command_entries, request_of
 from adapters.process import StartError
 from adapters.recording import RecordingError, RunFile, RunReader, decode
@@ -76,6 +78,45 @@ async def test_a_recording_is_an_asset_with_the_past_of_its_file(
         )
         (sample,) = before["samples"]
         assert (sample["link"], 0.5 < sample["value"] < 2.0) == ("recording", True)
+
+
+@pytest.mark.parametrize(
+    ("body", "field"),
+    [
+        ({}, "set"),
+        ({"set": "drive.travel_speed_mps=0.3"}, "set"),
+        ({"set": [0.3]}, "set"),
+        ({"command": ["stop"], "at": -1}, "at"),
+        ({"controller": "best"}, "controller"),
+    ],
+)
+async def test_a_fork_with_an_invalid_body_is_refused(
+    drive: Path, tmp_path: Path, body: dict[str, object], field: str
+) -> None:
+    async with (
+        served(tmp_path, UNREACHABLE, recordings=(drive,)) as address,
+        operator(address, "anna") as anna,
+    ):
+        status, answer = await anna.post(f"api/recordings/{RUN}/fork", **body)
+        assert (status, answer["field"]) == (422, field)
+
+
+async def test_one_fork_runs_at_a_time_and_ends_in_time(
+    drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(forks, "LIMIT_S", 0.05)
+    change = {"set": ["drive.travel_speed_mps=0.3"]}
+    async with (
+        served(tmp_path, UNREACHABLE, recordings=(drive,)) as address,
+        operator(address, "anna") as anna,
+    ):
+        assert (await anna.post("api/recordings/other/fork", **change))[0] == 404
+        post = partial(anna.post, f"api/recordings/{RUN}/fork", **change)
+        answers = await asyncio.gather(post(), post())
+        assert sorted(status for status, _ in answers) == [409, 504]
+        assert (await post())[0] == 504, "the former one has ended"
+        monkeypatch.setattr(forks, "find_spec", lambda _: None)
+        assert (await post())[0] == 501
 
 
 async def test_its_tree_and_why_are_those_of_the_moment(drive: Path, tmp_path: Path) -> None:

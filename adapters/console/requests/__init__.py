@@ -12,6 +12,7 @@ from adapters.console.requests.explaining import ExplanationRequests as Explanat
 from adapters.console.requests.export import ExportRequests as ExportRequests
 from adapters.console.requests.file_store import FileStore as FileStore
 from adapters.console.requests.files import FileRequests as FileRequests
+from adapters.console.requests.forks import ForkRequests as ForkRequests
 from adapters.console.requests.history import ArchiveRequests as ArchiveRequests
 from adapters.console.requests.map_requests import MapRequests as MapRequests
 from adapters.console.requests.objects import PlanRequests as PlanRequests

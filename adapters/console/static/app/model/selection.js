@@ -14,6 +14,14 @@ export class Selection extends Observable {
   command = null;
   /** @type {string | null} the path of a node of the tree */
   node = null;
+  /** @type {{x: number, y: number}[]} the track of a fork of the recording */
+  fork = [];
+
+  /** Show the track of a fork on the map. @param {{x: number, y: number}[]} track */
+  setFork(track) {
+    this.fork = track;
+    this.changed();
+  }
 
   /** Select a command, or deselect it if it was selected. @param {string | null} key */
   selectCommand(key) {

@@ -19,7 +19,7 @@ const LAYOUT = [
   [29, [["form", 56], ["values", 44]]],
 ];
 /** @type {typeof LAYOUT} the layout of a recording, without the command form */
-const RECORDING_LAYOUT = [...LAYOUT.slice(0, 2), [29, [["recording", 32], ["values", 68]]]];
+const RECORDING_LAYOUT = [...LAYOUT.slice(0, 2), [29, [["recording", 50], ["values", 50]]]];
 
 /** @param {Session} session */
 export function objects(session) {

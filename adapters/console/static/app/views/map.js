@@ -33,6 +33,7 @@ export class MapView extends View {
   #zones = new layers.Zones();
   #scanned = new layers.Scanned();
   #tracks = new layers.Tracks();
+  #fork = new layers.ForkTrack();
   #preview = new layers.Preview();
   #uncertain = new layers.UncertaintyMark();
   #rover = new layers.Rover();
@@ -44,7 +45,7 @@ export class MapView extends View {
   #obstacles = new ScannedObstacles(this.session, this.asset, this.draw);
   #pictures = new Pictures(this.session, this.asset, this.draw);
   #shown = new ShownPicture();
-  #world = svg("g", {}, ...[this.#zones, this.#scanned, this.#tracks, this.#preview, this.#predicted, this.#uncertain, this.#rover].map((each) => each.element));
+  #world = svg("g", {}, ...[this.#zones, this.#scanned, this.#tracks, this.#fork, this.#preview, this.#predicted, this.#uncertain, this.#rover].map((each) => each.element));
   #picture = svg("svg", { class: "map", role: "img", "aria-label": "map" }, this.#grid.element, this.#world, ...[this.#pictureMarks, this.#goals, this.#steps].map((each) => each.element));
   #viewport = new Viewport(this.#picture);
   #marks = new Marks(this.#viewport);
@@ -65,6 +66,7 @@ export class MapView extends View {
     [html("span", { className: "taken", textContent: "picture" }), this.#pictureMarks],
     [html("span", { className: "draft", textContent: "preview, not sent" }), this.#preview],
     [html("span", { className: "expected", textContent: "predicted" }), this.#predicted],
+    [html("span", { className: "draft", textContent: "with the change" }), this.#fork],
   ];
   root = html(
     "section",
@@ -112,6 +114,7 @@ export class MapView extends View {
     this.#zones.render(asset.zones);
     this.#scanned.render(this.#obstacles.at(cursor.utc_s));
     this.#tracks.render(asset.track, cursor.utc_s, selection.spanOf(asset));
+    this.#fork.render(selection.fork);
     this.#preview.render(draft, scale);
     const predicted = cursor.utc_s === null ? asset.predictionAt(this.session.now) : null;
     this.#predicted.render(asset, predicted, scale);

@@ -81,6 +81,17 @@ export class Tracks {
   }
 }
 
+/** The track of a fork of the recording. */
+export class ForkTrack {
+  element = svg("g", {});
+
+  /** @param {{x: number, y: number}[]} track */
+  render(track) {
+    const points = track.map((each) => `${each.x},${each.y}`).join(" ");
+    this.element.replaceChildren(...(points ? [svg("polyline", { class: "track fork", points, "data-testid": "fork-track" })] : []));
+  }
+}
+
 /** Predicted path of the command in preparation. */
 export class Preview {
   element = svg("g", { class: "preview" });

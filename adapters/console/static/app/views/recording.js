@@ -2,6 +2,7 @@
 
 import { fetchJson } from "../model/connection.js";
 import { button, html, setText } from "../dom.js";
+import { ForkPanel } from "./fork.js";
 import { View } from "./view.js";
 import { age, clock, interval } from "../format.js";
 
@@ -10,6 +11,7 @@ const STEP_S = 0.05;
 export class RecordingView extends View {
   #what = html("p", { className: "what" });
   #at = html("output", { className: "at" });
+  #fork = html("div");
   #slider = html("input", { type: "range", "aria-label": "moment", step: STEP_S, oninput: () => this.#setMoment(this.asset.recording.start + Number(this.#slider.value)) });
   root = html(
     "section",
@@ -24,10 +26,11 @@ export class RecordingView extends View {
       button("report ▸", "next report", () => this.#step(1)),
       html("span", { className: "tools" }, button("close", "remove it from the console; the file is not changed", () => this.#close())),
     ),
+    this.#fork,
   );
 
   start() {
-    return [this.asset.on("entry", this.draw), this.cursor.on(this.draw)];
+    return [this.asset.on("entry", this.draw), this.cursor.on(this.draw), ForkPanel.mount(this.#fork, this)];
   }
 
   /** @param {number} utc */

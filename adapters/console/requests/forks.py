@@ -1,0 +1,112 @@
+"""HTTP requests for forks of recordings: a process of the simulation answers "what if"."""
+
+import asyncio
+import sys
+from http import HTTPStatus
+from importlib.util import find_spec
+from typing import Any, Final
+
+from aiohttp import web
+
+from adapters.console.recordings import Recordings
+from adapters.console.web import body_of, invalid, is_number, refused
+from executive.settings import Controller
+
+FORK: Final = "sim.fork"
+"""Module that answers a question, with the options of `rover whatif`."""
+ANSWERED: Final = (0, 1)
+"""Its exit statuses with an answer; 1 if the fork without a change is not as recorded."""
+LIMIT_S: Final = 300.0
+"""Maximum duration of a fork, s; chosen: an hour of recording takes 2 min."""
+MAX_CHANGES: Final = 20
+"""Maximum number of changes of a kind."""
+_LISTS: Final = ("set", "command", "drop", "without")
+
+
+class ForkRequests:
+    """Serves these requests, one fork at a time.
+
+    Args:
+        recordings: opened recordings.
+    """
+
+    def __init__(self, recordings: Recordings) -> None:
+        self._recordings = recordings
+        self._running = asyncio.Lock()
+
+    def routes(self) -> list[web.RouteDef]:
+        """Return the routes."""
+        return [web.post("/api/recordings/{asset}/fork", self._fork)]
+
+    async def _fork(self, request: web.Request) -> web.Response:
+        asset = request.match_info["asset"]
+        recording = self._recordings.find(asset)
+        if recording is None:
+            raise refused(HTTPStatus.NOT_FOUND, f"there is no recording {asset[:64]!r} open")
+        options = _options(await body_of(request))
+        if any(find_spec(name) is None for name in ("sim", "mujoco")):
+            text = "the simulation is not installed: pip install 'rover-executive[sim]'"
+            raise refused(HTTPStatus.NOT_IMPLEMENTED, text)
+        if self._running.locked():
+            text = "another fork runs on this console: wait for its end"
+            raise refused(HTTPStatus.CONFLICT, text)
+        async with self._running:
+            answer = await _answer(str(recording.path), "--json", *options)
+            return web.Response(body=answer, content_type="application/json")
+
+
+async def _answer(*arguments: str) -> bytes:
+    """Return the answer as JSON.
+
+    Raises:
+        RequestError: the question does not fit the recording, or the fork did not end in time.
+    """
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-P", "-m", FORK, *arguments),
+        stdin=asyncio.subprocess.DEVNULL,
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.PIPE,
+    )
+    try:
+        async with asyncio.timeout(LIMIT_S):
+            answer, errors = await process.communicate()
+    except TimeoutError as error:
+        text = f"the fork exceeded {LIMIT_S:g} s: use rover whatif, which has no limit"
+        raise refused(HTTPStatus.GATEWAY_TIMEOUT, text) from error
+    finally:
+        if process.returncode is None:
+            process.kill()
+            await process.wait()
+    if process.returncode not in ANSWERED or not answer:
+        lines = errors.decode(errors="replace").strip().splitlines()
+        text = lines[-1].removeprefix("Error: ") if lines else f"status {process.returncode}"
+        raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text)
+    return answer
+
+
+def _options(body: dict[str, Any]) -> list[str]:
+    """Return the options of `rover whatif`; each value is joined to its name.
+
+    Raises:
+        RequestError: the body has another form.
+    """
+    found: list[str] = []
+    for name in _LISTS:
+        texts = body.get(name, [])
+        is_list = isinstance(texts, list) and len(texts) <= MAX_CHANGES
+        if not is_list or not all(isinstance(each, str) for each in texts):
+            raise invalid(name, f"a list of at most {MAX_CHANGES} texts is needed")
+        found += (f"--{name}={each}" for each in texts)
+    at_s, controller = body.get("at"), body.get("controller")
+    names = tuple(each.value for each in Controller)
+    if controller not in (None, *names):
+        raise invalid("controller", "an unknown controller", choices=names)
+    if controller is not None:
+        found.append(f"--controller={controller}")
+    if not found:
+        raise invalid("set", "a change is needed: a setting, a command or a controller")
+    if at_s is not None:
+        if not (is_number(at_s) and at_s >= 0.0):
+            raise invalid("at", "seconds since the start of the recording are needed")
+        found.append(f"--at={at_s}")
+    return found
