@@ -159,7 +159,7 @@ def test_a_recording_of_a_rover_is_continued_from_its_pose(
 
 
 def test_a_restart_occurs_as_recorded(tmp_path: Path) -> None:
-    play(tmp_path, "killed", "duration=7")
+    play(tmp_path, "side_stuck", *SHORT, "crash={at: 1.6, for: 0.5}")
     kinds = get_args(SimulationItem)
     killed = Forkable(rewritten(tmp_path / "run.mcap", tmp_path / "killed.mcap", None, kinds))
     fork, fidelity = killed.unchanged()

@@ -59,7 +59,7 @@ def test_without_reproduction_the_status_is_one(
 ) -> None:
     monkeypatch.setattr(
         "sim.fork.forkable.Forkable.unchanged",
-        lambda self, _: (self.recorded, Fidelity.DIFFERENT),
+        lambda self, *_: (self.recorded, Fidelity.DIFFERENT),
     )
     done = run(stuck, "--set", "drive.travel_speed=0.6")
     assert done.exit_code == 1
