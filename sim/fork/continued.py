@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
-from typing import Final, TypeGuard
+from typing import Final
 
 from adapters.recording import RecordingError
 from adapters.recording.replayed import RecordedEntry, ReplayedCore, topic_of
@@ -35,6 +35,7 @@ from executive.values.facts import (
     Fact,
     ForeignPublishers,
     MapToOdom,
+    Odometry,
     RejectedData,
 )
 from sim.fork.model import Placing
@@ -65,12 +66,15 @@ class Seam:
     Attributes:
         simulation: world and seed of the simulation.
         exact, same_ground: see `PlacedRover`.
+        late: whether odometry arrives when it did in the recording, with its age: for a rover at
+            work; its faults are not known.
         latest_s: latest time, since the first entry; an earlier difference is earlier.
     """
 
     simulation: Simulation
     exact: bool
     same_ground: bool
+    late: bool
     latest_s: float = inf
 
 
@@ -91,10 +95,6 @@ class _ForkedClock(ManualClock):
     def core_s(self) -> float:
         """Time on the monotonic clock of the core."""
         return self._core_s + self.now_s() + self._ahead_s
-
-
-def _is_other(entry: Entry) -> TypeGuard[FactObserved]:
-    return isinstance(entry, FactObserved) and isinstance(entry.fact, _OTHERS)
 
 
 class ContinuedLockStep(LockStep):
@@ -128,6 +128,10 @@ class ContinuedLockStep(LockStep):
         self._recorded, self._seam, self._sink = steps, seam, tape
         self._placed = PlacedRover(settings, seam.simulation, seam.exact, seam.same_ground)
         self._core: ReplayedCore | None = None
+        self._others: deque[FactObserved] = deque()
+        self._until_s = self._last_stamp_s = -inf
+        self._measured: deque[Odometry] = deque()
+        self._arrived: list[Fact] = []
         world, rover = seam.simulation.world, self._placed.simulated
         super().__init__(settings, world, folder, tape=tape, rover=rover)
 
@@ -139,9 +143,21 @@ class ContinuedLockStep(LockStep):
     def facts(self) -> list[Fact]:
         """Return the simulated facts since the last call, and recorded ones of other sources."""
         found, now_s = self._placed.facts(), self.clock.core_s
+        if self._seam.late and now_s <= self._until_s:
+            self._measured += (each for each in found if isinstance(each, Odometry))
+            found = [each for each in found if not isinstance(each, Odometry)]
         while self._others and self._others[0].now_s <= now_s + ALMOST_S:
-            found.append(self._others.popleft().fact)
+            fact = self._others.popleft().fact
+            found += self._odometry(fact) if isinstance(fact, Odometry) else [fact]
         return found
+
+    def _odometry(self, recorded: Odometry) -> list[Fact]:
+        """Return the measured odometry for a recorded one: of its age, repeated if that was."""
+        if recorded.stamp_s > self._last_stamp_s:
+            self._last_stamp_s = recorded.stamp_s
+            while self._measured and self._measured[0].stamp_s <= recorded.stamp_s + STEP_S:
+                self._arrived = [self._measured.popleft()]
+        return [*self._arrived]
 
     def _start(self) -> Executive:
         if self._core is not None:
@@ -159,7 +175,13 @@ class ContinuedLockStep(LockStep):
         executive.wake = self._wake
         self._seen = self  # type: ignore[assignment]
         following = (each.entry for each in entries if each.entry.now_s > until_s + ALMOST_S)
-        self._others = deque(each for each in following if _is_other(each))
+        kinds = (*_OTHERS, Odometry) if self._seam.late else _OTHERS
+        self._others = deque(
+            each
+            for each in following
+            if isinstance(each, FactObserved) and isinstance(each.fact, kinds)
+        )
+        self._until_s = entries[-1].entry.now_s
         self._steps = round((until_s - began_s) / tick_s) * round(tick_s / STEP_S)
         ahead_s = until_s - began_s - self._steps * STEP_S
         ahead_s = 0.0 if abs(ahead_s) < ALMOST_S else ahead_s

@@ -224,7 +224,8 @@ class Forkable:
             self.settings.mux,
         )
         latest_s = self._latest_s(scenario.timeline, change, at_s)
-        seam = Seam(simulation, same, scenario.world == world, latest_s)
+        late = SimulationStarted not in self._log.kinds
+        seam = Seam(simulation, same, scenario.world == world, late, latest_s)
         lock = ContinuedLockStep(self._steps, settings, seam, folder, sink)
         record = Record(self._log.utc_s, folder)
         played = [i for i, time_s in self._played_s.items() if time_s <= lock.time_s + ALMOST_S]
@@ -253,7 +254,7 @@ class Forkable:
     def _scanned(self) -> World:
         """Level ground with the obstacles that the laser measured until the end."""
         with tempfile.TemporaryDirectory(prefix="rover-fork-") as folder:
-            seam = Seam(Simulation(World(start=self._origin)), exact=False, same_ground=False)
+            seam = Seam(Simulation(World(start=self._origin)), False, False, late=False)
             lock = ContinuedLockStep(self._steps, self.settings, seam, Path(folder), RunLog())
             found = lock.executive.status.obstacles.scanned
             lock.executive.simulate_crash()

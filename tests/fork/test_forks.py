@@ -167,6 +167,16 @@ def test_a_restart_occurs_as_recorded(tmp_path: Path) -> None:
     assert "FAILED INTERRUPTED" in stages(fork.outcome).values()
 
 
+def test_odometry_of_a_rover_arrives_as_recorded(tmp_path: Path) -> None:
+    fault = "inject={odometry_lost, at: 2, for: 0.6}"
+    play(tmp_path, "motion_forward", "duration=4", fault)
+    kinds = get_args(SimulationItem)
+    lost = Forkable(rewritten(tmp_path / "run.mcap", tmp_path / "lost.mcap", None, kinds))
+    fork, fidelity = lost.unchanged()
+    assert fidelity is Fidelity.SAME_OUTCOMES
+    assert stages(fork.outcome) == {"MOE:1": "FAILED ODOMETRY_STALE"}
+
+
 def test_measured_obstacles_are_the_world_that_a_recording_lacks(tmp_path: Path) -> None:
     rocks = "world.rocks=[{x: 1.5, y: 0.1, radius: 0.3, height: 0.6}]"
     play(tmp_path, "unknown_rocks", "duration=6", rocks, "world.scatter={count: 0}")
