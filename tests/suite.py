@@ -166,13 +166,14 @@ STRESS: Final = {
     "plan-traces": {"--plans": (30_000, 500)},
     "plan-kills": {"--kills": (2_000, 60)},
     "plan-days": {"--days": (10, 1)},
+    "predicted-poses": {"--sites": (30, 2)},
     "bundle-kills": {"--kills": (100, 3)},
     "campaign-kills": {"--kills": (20, 2)},
     "kills": {"--kills": (50, 3)},
     "relay": {"--messages": (10_000, 200), "--kills": (20, 2)},
 }
 """Attacks of `rover bench`, each with how much of it there is in full, and at least."""
-LONG: Final = {"plan-days": 10}
+LONG: Final = {"plan-days": 10, "predicted-poses": 5}
 """From which percentage on those with a long least part are run; tests have half an hour of it."""
 STRESS_HOURS: Final = 24.0, 0.2
 """Of operations in simulated time, in full and at least."""

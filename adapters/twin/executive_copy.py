@@ -67,6 +67,10 @@ class ExecutiveCopy:
         settings: settings of the asset; see `copied_settings`.
         folder: new folder for its stop latch.
         reports: reported poses in order; the copy starts at the time of the first.
+
+    Attributes:
+        track: its poses, with their times.
+        ends: end times of its commands.
     """
 
     def __init__(self, settings: Settings, folder: Path, reports: Sequence[ReportedPose]) -> None:
@@ -77,6 +81,7 @@ class ExecutiveCopy:
         kind = DelegatedMotionBase if delegated else KinematicBase
         self._base: KinematicBase | DelegatedMotionBase = kind(self._clock, settings, Pose())
         self._reports = deque(reports)
+        self.ends: deque[float] = deque()
         self._before = first
         self._origin = first.pose
         self.track: deque[tuple[float, Pose]] = deque([(first.utc_s, first.pose)])
@@ -129,10 +134,13 @@ class ExecutiveCopy:
             idle_s = self._idle_s(left_s)
             self._clock.advance(idle_s or min(self._settings.tick_s, left_s))
             ticks -= 1
+            goals = self.executive.goal_count
             self._base.advance()
             self._observe()
             self.executive.tick()
             self._serve()
+            if self.executive.goal_count < goals:
+                self.ends.append(self.utc_s)
         return ticks
 
     def stage_of(self, identity: Identity) -> Stage | None:
@@ -152,6 +160,8 @@ class ExecutiveCopy:
         """Drop the track before a time."""
         while len(self.track) > 1 and self.track[1][0] <= utc_s:
             self.track.popleft()
+        while self.ends and self.ends[0] <= utc_s:
+            self.ends.popleft()
 
     def close(self) -> None:
         """Release its files."""

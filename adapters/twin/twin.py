@@ -8,7 +8,7 @@ failed. Until then the rover may be off the prediction, but it is still on the p
 from collections import deque
 from dataclasses import dataclass
 from itertools import islice
-from math import inf
+from math import inf, sqrt
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
@@ -19,7 +19,7 @@ from executive.settings import Settings
 from executive.values.geometry import Point, Pose, path_length_m
 from executive.values.reports import TERMINAL, Identity, Stage
 
-MAX_ERROR_M: Final = 0.6
+MAX_ERROR_M: Final = 0.15
 """Maximum distance between a reported pose and the prediction; beyond it the twin starts again."""
 REPORT_MARGIN_S: Final = 2.0
 """Time beyond the round trip after which a command without a report counts as lost; chosen."""
@@ -27,6 +27,9 @@ MAX_ARRIVAL_ERROR_S: Final = 0.5
 """Maximum deviation from the expected time of arrival, likewise; chosen."""
 DEVIATION_M: Final = 0.09
 DEVIATION_RATIO: Final = 0.01
+DEVIATION_S: Final = 0.2
+"""Deviation at 2 sigma: constant, of the path, and of the time of the end of each command, which a
+rover confirms sooner or later; fitted to missions in simulation (`rover bench predicted-poses`)."""
 SLICE_TICKS: Final = 1000
 MAX_POINTS: Final = 200
 """Maximum number of points of a path."""
@@ -156,8 +159,10 @@ class Twin:
         if copy is None:
             return None
         path = self._path(copy)
-        deviation_m = DEVIATION_M + DEVIATION_RATIO * path_length_m(path)
         as_of_s = self._reports[-1].utc_s
+        late_s = DEVIATION_S * sqrt(sum(each >= as_of_s for each in copy.ends))
+        late_m = late_s * copy.executive.status.travel_limit_mps
+        deviation_m = DEVIATION_M + DEVIATION_RATIO * path_length_m(path) + late_m
         return PredictedPose(as_of_s, copy.utc_s, copy.pose, deviation_m, path)
 
     def close(self) -> None:

@@ -49,8 +49,8 @@ class DelayedLink:
         """Time on the ground, which is that aboard."""
         return self.bench.clock.utc_s()
 
-    def send(self, request: Request, **terms: object) -> Identity:
-        """Send a command now; `terms` are fields of `Command`."""
+    def send(self, request: Request, late_s: float = 0.0, **terms: object) -> Identity:
+        """Send a command now, which arrives so much later; `terms` are fields of `Command`."""
         identity = Identity("MOE", next(self._numbers))
         command = Command(identity, request, DIRECT_LINK, preemption=PreemptionPolicy.APPEND)
         command = replace(command, **terms)  # type: ignore[arg-type]
@@ -58,7 +58,7 @@ class DelayedLink:
         self.sent.append((command, lost))
         self.twin.on_sent(command, self.utc_s)
         if not lost:
-            self._up.append((self.utc_s + self.one_way_s, command))
+            self._up.append((self.utc_s + self.one_way_s + late_s, command))
         return identity
 
     def stages(self, identity: Identity) -> list[Stage]:

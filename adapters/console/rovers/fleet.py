@@ -224,7 +224,7 @@ class Fleet:
         figure = (value.utc_s, rx_s, value.value, Quality.LATE if late else quality)
         self._sample(Sample(link.asset, value.name, link.kind, *figure))
         if not late and (known := self.assets.get(link.asset)) is not None:
-            known.predictor.on_value(link, value)
+            known.predictor.on_value(value)
 
     def on_measured(self, link: RoverLink, figures: Mapping[str, float], rx_s: float) -> None:
         """Publish figures that the console measured of a link."""
@@ -235,7 +235,7 @@ class Fleet:
         """Publish a report with the id of its command."""
         report = received.report
         if (known := self.assets.get(link.asset)) is not None:
-            known.predictor.on_report(link, report)
+            known.predictor.on_report(report)
         message = notification_message(link.asset, link.kind, received, rx_s)
         lost, left = lost_command(report), forwarded_command(report)
         if (identity := lost or left) is not None:

@@ -1,6 +1,7 @@
 """`PosePredictor`: the twin of an asset, fed with the data of its links, for the pages' map."""
 
 import asyncio
+from math import inf
 from typing import Final
 
 from adapters.console.messages import LinkKind, PosePrediction
@@ -19,6 +20,8 @@ SLICE_TICKS: Final = 50
 """Ticks of the twin between two turns of the event loop: some 10 ms."""
 MAX_DELAY_CHANGE: Final = 0.2
 """Minimum change of the delay, as a ratio, for the twin to use the new one; chosen."""
+MAX_CLOCK_STEP_S: Final = 1.0
+"""Maximum change of the onboard clock's lead, s; beyond it the twin starts anew; chosen."""
 LIGHT_TIME: Final = "DTN_ROUND_TRIP"
 _POSITION: Final = (Parameter.POS_X.value, Parameter.POS_Y.value, Parameter.HEAD.value)
 _HELD: Final = (AssetMode.STOPPED, AssetMode.SAFE)
@@ -36,22 +39,23 @@ class PosePredictor:
         self._twin: Twin | None = None
         self._values: dict[str, ReceivedValue] = {}
         self._stopped = False
+        self._lead_s = 0.0
 
     def on_sent(self, command: Command, utc_s: float) -> None:
         """Add a command that is sent."""
         if self._twin is not None:
             self._twin.on_sent(command, utc_s)
 
-    def on_report(self, link: RoverLink, report: Report) -> None:
+    def on_report(self, report: Report) -> None:
         """Receive a report."""
         if self._twin is not None and report.identity is not None and report.stage is not None:
-            self._twin.on_stage(report.identity, report.stage, report.utc_s - _lead_s(link))
+            self._twin.on_stage(report.identity, report.stage, report.utc_s - self._lead_s)
 
     def on_status(self, status: AssetStatus) -> None:
         """Receive the mode."""
         self._stopped = status.mode in _HELD
 
-    def on_value(self, link: RoverLink, value: ReceivedValue) -> None:
+    def on_value(self, value: ReceivedValue) -> None:
         """Receive a value; the last one of a pose completes it."""
         self._values[value.name] = value
         x, y, heading = (self._number(each, value.utc_s) for each in _POSITION)
@@ -59,7 +63,7 @@ class PosePredictor:
             return
         if x is not None and y is not None and heading is not None:
             reported = ReportedPose(
-                value.utc_s - _lead_s(link),
+                value.utc_s - self._lead_s,
                 Pose(x, y, heading_rad=heading),
                 self._number(Parameter.TRAVEL_SPEED.value),
                 self._number(Parameter.ROTATE_SPEED.value),
@@ -77,6 +81,12 @@ class PosePredictor:
         if link is None:
             return None  # commands sent before may still arrive
         relayed = link.kind is LinkKind.RELAY
+        lead_s = link.figures.get(CLOCK_OFFSET, self._lead_s if relayed else inf)
+        if abs(lead_s - self._lead_s) > MAX_CLOCK_STEP_S:
+            self.close()
+        if lead_s == inf:
+            return None  # without the lead of the onboard clock its stamps mean nothing here
+        self._lead_s = lead_s
         if self._settings is None or not (relayed or link.delay.is_noticeable):
             self.close()
             return None
@@ -116,8 +126,3 @@ class PosePredictor:
         if known is None or utc_s not in {None, known.utc_s}:
             return None
         return known.value if isinstance(known.value, float) else None
-
-
-def _lead_s(link: RoverLink) -> float:
-    """Return the lead of the onboard clock, s; 0 if unknown."""
-    return link.figures.get(CLOCK_OFFSET, 0.0)

@@ -1,0 +1,92 @@
+"""How well the pose of a rover behind a delay is predicted, on random sites with an operator."""
+
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+from typing import Final
+
+from tests.benchmarks.delayed_sites import LENGTH_M, Judged, Mission, Played, stuck_after_m
+from tests.support.figures import Figure, Goal, quantile
+
+ROUND_TRIPS_S: Final = (2.6, 10.0, 300.0)
+COMPARED_S: Final = 10.0
+"""The round trip at which a committed path is compared with moving and waiting."""
+OFF_PATH_M: Final = 0.3
+IN_2_SIGMA: Final = Goal(0.9, at_least=True)
+ON_PATH: Final = Goal(0.99, at_least=True)
+GAIN: Final = Goal(1.3, at_least=True)
+NO_CONTACT: Final = Goal(0.0)
+H_S: Final = 3600.0
+
+
+def measure(sites: int, log: Callable[[str], None]) -> list[Figure]:
+    """Play each site with each delay, once more by moving and waiting at `COMPARED_S`."""
+    figures: list[Figure] = []
+    for round_trip_s in ROUND_TRIPS_S:
+        log(f"{sites} sites with a round trip of {round_trip_s:g} s ...")
+        played = [_play(each, round_trip_s, committed=True) for each in range(sites)]
+        figures += _figures(f"{round_trip_s:g} s", played)
+        if round_trip_s == COMPARED_S:
+            waited = [_play(each, round_trip_s, committed=False) for each in range(sites)]
+            figures += _gains(played, waited)
+    return figures
+
+
+def _play(site: int, round_trip_s: float, *, committed: bool) -> Played:
+    with tempfile.TemporaryDirectory() as folder:
+        mission = Mission(site, Path(folder), round_trip_s, committed=committed)
+        return mission.play(predicts=committed)
+
+
+def _figures(name: str, played: list[Played]) -> list[Figure]:
+    judged = [each for mission in played for each in mission.judged]
+    usual = [each for each in judged if each.moving and not each.unexpected]
+    unexpected = [each for each in judged if each.moving and each.unexpected]
+    beside = f"{len(usual)} predictions of a moving rover before anything unexpected"
+    on_path = sum(each.off_path_m <= OFF_PATH_M for each in judged) / len(judged)
+    figures = [
+        Figure(f"{name}: error, median", median(each.error_m for each in usual), "m", beside),
+        Figure(f"{name}: error, 95 %", quantile([each.error_m for each in usual], 0.95), "m"),
+        Figure(f"{name}: 2 sigma, median", median(_deviations_m(usual)), "m"),
+        Figure(f"{name}: within 2 sigma", _within(usual), "", beside, IN_2_SIGMA),
+        Figure(f"{name}: on the drawn path", on_path, "", f"{len(judged)} in all", ON_PATH),
+        Figure(f"{name}: contacts", sum(each.contacts for each in played), "", "", NO_CONTACT),
+    ]
+    if unexpected:
+        after = f"{len(unexpected)} predictions after wheels have stuck"
+        figures.append(Figure(f"{name}: within 2 sigma then", _within(unexpected), "", after))
+    return figures
+
+
+def _deviations_m(judged: list[Judged]) -> list[float]:
+    return [each.predicted.deviation_m for each in judged]
+
+
+def _within(judged: list[Judged]) -> float:
+    return sum(each.error_m <= each.predicted.deviation_m for each in judged) / len(judged)
+
+
+def _gains(played: list[Played], waited: list[Played]) -> list[Figure]:
+    """Return the paces, and the gain of sites where wheels stick and where none do."""
+    pairs = [
+        (one.duration_s, other.duration_s, stuck_after_m(site) is not None)
+        for site, (one, other) in enumerate(zip(played, waited, strict=True))
+        if one.duration_s is not None and other.duration_s is not None
+    ]
+
+    def gain(*, stuck: bool) -> float:
+        gains = (other_s / one_s for one_s, other_s, sticks in pairs if sticks is stuck)
+        return median(gains)
+
+    pace = median(LENGTH_M * H_S / one_s for one_s, _, _ in pairs)
+    waiting = median(LENGTH_M * H_S / other_s for _, other_s, _ in pairs)
+    contacts = sum(each.contacts for each in waited)
+    beside = f"{len(pairs)} sites of {len(played)}; the others were not crossed both ways"
+    return [
+        Figure("10 s: committed path", pace, "m/h", beside),
+        Figure("10 s: moving and waiting", waiting, "m/h", beside),
+        Figure("10 s: gain, median", gain(stuck=False), "", "where nothing sticks", GAIN),
+        Figure("10 s: gain, median, stuck", gain(stuck=True), "", "where wheels stick for 1.5 s"),
+        Figure("10 s: contacts, moving and waiting", contacts, "", "", NO_CONTACT),
+    ]
