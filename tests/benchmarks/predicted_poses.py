@@ -11,7 +11,7 @@ from tests.support.figures import Figure, Goal, quantile
 
 ROUND_TRIPS_S: Final = (2.6, 10.0, 300.0)
 COMPARED_S: Final = 10.0
-"""The round trip at which a committed path is compared with moving and waiting."""
+"""Round trip of the comparison with moving and waiting."""
 OFF_PATH_M: Final = 0.3
 IN_2_SIGMA: Final = Goal(0.9, at_least=True)
 ON_PATH: Final = Goal(0.99, at_least=True)
@@ -21,7 +21,7 @@ H_S: Final = 3600.0
 
 
 def measure(sites: int, log: Callable[[str], None]) -> list[Figure]:
-    """Play each site with each delay, once more by moving and waiting at `COMPARED_S`."""
+    """Play each site with each delay, and again by moving and waiting at `COMPARED_S`."""
     figures: list[Figure] = []
     for round_trip_s in ROUND_TRIPS_S:
         log(f"{sites} sites with a round trip of {round_trip_s:g} s ...")
@@ -43,7 +43,7 @@ def _figures(name: str, played: list[Played]) -> list[Figure]:
     judged = [each for mission in played for each in mission.judged]
     usual = [each for each in judged if each.moving and not each.unexpected]
     unexpected = [each for each in judged if each.moving and each.unexpected]
-    beside = f"{len(usual)} predictions of a moving rover before anything unexpected"
+    beside = f"{len(usual)} predictions of a moving rover before wheels stick"
     on_path = sum(each.off_path_m <= OFF_PATH_M for each in judged) / len(judged)
     figures = [
         Figure(f"{name}: error, median", median(each.error_m for each in usual), "m", beside),
@@ -82,7 +82,7 @@ def _gains(played: list[Played], waited: list[Played]) -> list[Figure]:
     pace = median(LENGTH_M * H_S / one_s for one_s, _, _ in pairs)
     waiting = median(LENGTH_M * H_S / other_s for _, other_s, _ in pairs)
     contacts = sum(each.contacts for each in waited)
-    beside = f"{len(pairs)} sites of {len(played)}; the others were not crossed both ways"
+    beside = f"{len(pairs)} sites of {len(played)}; the others were not crossed by both"
     return [
         Figure("10 s: committed path", pace, "m/h", beside),
         Figure("10 s: moving and waiting", waiting, "m/h", beside),

@@ -21,7 +21,7 @@ SLICE_TICKS: Final = 50
 MAX_DELAY_CHANGE: Final = 0.2
 """Minimum change of the delay, as a ratio, for the twin to use the new one; chosen."""
 MAX_CLOCK_STEP_S: Final = 1.0
-"""Maximum change of the onboard clock's lead, s; beyond it the twin starts anew; chosen."""
+"""Maximum change of the onboard clock's lead, s; beyond it the twin starts again; chosen."""
 LIGHT_TIME: Final = "DTN_ROUND_TRIP"
 _POSITION: Final = (Parameter.POS_X.value, Parameter.POS_Y.value, Parameter.HEAD.value)
 _HELD: Final = (AssetMode.STOPPED, AssetMode.SAFE)
