@@ -17,6 +17,7 @@ from PIL import Image
 from executive.settings import config_folder
 from sim.scenario.expect_commands import LifecycleExpectation
 from sim.scenario.reading import load_scenario
+from tests.conftest import port_of
 from tests.demo.conftest import LIMIT_S, ROVER, Demo, Played, Ran
 
 END_S = 60
@@ -214,3 +215,22 @@ def test_a_command_by_both_links_is_executed_once_by_either_rover(
         direct, relay = stages(folder, "direct"), stages(folder, "relay")
         assert direct["home"].count("STARTED") == 1
         assert direct["home"][-1] == relay["home"][-1] == "EXECUTED"
+
+
+def test_commands_pass_through_a_link_with_light_time(
+    tmp_path: Path, patient: Path, ros_domain: int
+) -> None:
+    to = f"127.0.0.1:{port_of(ros_domain)}"
+    options = ("--no-session", "--no-console", "--delay", "2s", "--port", to.split(":")[1])
+    demo = Demo(tmp_path / "run", patient, *options)
+    try:
+        assert f"status --to {to} --delay 2s" in demo.wait_for("Ctrl-C ends it.")
+        status = rover("status", "--json", "--to", to, "--delay", "2s")
+        assert 2.0 <= json.loads(status.stdout)["roundTrip"] < 4.0, status.stderr
+        stop = rover("stop", "--to", to, "--delay", "2s")
+        assert (stop.returncode, "EXECUTED" in stop.stdout) == (0, True), stop.stderr
+        demo.process.send_signal(signal.SIGINT)
+        assert demo.end()[0] == 0
+        assert demo.others() == []
+    finally:
+        demo.clean_up()
