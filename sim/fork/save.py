@@ -82,7 +82,7 @@ def judge(failed: Identity, recorded: Record, played: Record) -> Verdict:
     lost = [each for each in before if _executed(before, each) and not _executed(after, each)]
     stages = after[failed].stages if failed in after else ()
     end = stages[-1] if stages else None
-    true = check_executed_truth(played, ())
+    true = check_executed_truth(_with_begin(recorded, played), ())
     if end is None or end.stage is not Stage.EXECUTED:
         return Verdict(f"{failed} {_end_text(end)}", end)
     if lost:
@@ -92,6 +92,19 @@ def judge(failed: Identity, recorded: Record, played: Record) -> Verdict:
     if (played.contacts or 0) > (recorded.contacts or 0):
         return Verdict(f"{played.contacts} contacts", end)
     return Verdict("", end)
+
+
+def _with_begin(recorded: Record, played: Record) -> Record:
+    """Return the record of a fork with the requests and the poses from before the fork."""
+    known = {each.identity for each in played.requested}
+    requested = [each for each in recorded.requested if each.identity not in known]
+    began_s = played.poses[0].time_s if played.poses else inf
+    poses = [each for each in recorded.poses if each.time_s < began_s]
+    return replace(
+        played,
+        requested=[*requested, *played.requested],
+        poses=[*poses, *played.poses],
+    )
 
 
 def _executed(commands: Mapping[Identity, CommandHistory], identity: Identity) -> bool:
@@ -296,7 +309,11 @@ def save(path: Path, seeds: Sequence[int]) -> SaveAnswer:
         if ranked[0].score > EXPLAINED:
             return SaveAnswer(str(path), fidelity, tuple(ranked), None)
     faults = tuple(each.fault for each in ranked[:1])
-    as_was = recorded.record if ranked else unchanged.record  # only the latter has contacts
+    as_was = replace(
+        recorded.record,
+        poses=recorded.record.poses or list(recorded.odometry),
+        contacts=None if ranked else unchanged.record.contacts,
+    )
     refused = Verdict("the settings refuse it", None)
     play = _forks(forkable, lambda run: judge(identity, as_was, run.record), refused, faults)
     search = Search(identity, end, requests[identity], forkable.settings, play, seeds)

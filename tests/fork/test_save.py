@@ -3,6 +3,7 @@
 import json
 from collections.abc import Sequence
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -106,11 +107,12 @@ def test_a_run_is_saved_only_if_nothing_else_is_worse(stuck: Path) -> None:
     assert judge(Identity("MOE", 9), recorded, recorded).text == "MOE:9 has no end"
     assert judge(Identity("MOE", 2), repaired, recorded).text == "MOE:1 no longer ends EXECUTED"
     assert judge(failed, repaired, repaired).saved
+    begun = replace(repaired, requested=[], poses=[p for p in repaired.poses if p.time_s > 2.0])
+    assert judge(failed, repaired, begun).saved
+    begun.poses[:] = [replace(each, pose=begun.poses[0].pose) for each in begun.poses]
+    assert "is not true" in judge(failed, repaired, begun).text
     repaired.contacts = 2
     assert judge(failed, recorded, repaired).text == "2 contacts"
-    pose = repaired.poses[-1]
-    repaired.poses[:] = [type(pose)(each.time_s, repaired.poses[0].pose) for each in repaired.poses]
-    assert "is not true" in judge(failed, repaired, repaired).text
 
 
 def test_a_recording_without_a_failure_and_other_options_are_refused(tmp_path: Path) -> None:
