@@ -84,7 +84,7 @@ class PlacedRover:
         self._held = False
         self._driven_s, self._driven = -1.0, STANDING
         self._pointed: CameraIntent | None = None
-        self._motion = RecordedMotion()
+        self._motion = RecordedMotion(simulation.world.charge_ratio)
 
     def enter(self, entry: Entry) -> None:
         """Follow the next entry of the recording; called before the core runs it."""
@@ -125,6 +125,8 @@ class PlacedRover:
             CheckpointError: the recorded state is damaged, or of another version.
         """
         rover = self.simulated
+        if self._state is None and not self._motion.truths:
+            self._exact = False  # a live simulation may have begun before its recording
         if self._exact:
             placing = Placing.PHYSICS if self._state is None else Placing.STATE
             self._repeat(at_s)

@@ -38,20 +38,23 @@ Track = Sequence[tuple[float, Pose]]
 class RecordedMotion:
     """The last facts of a recording, and the errors of its inertial unit.
 
+    Args:
+        charge_ratio: charge of the battery if the recording has none.
+
     Attributes:
         truths: times and true poses; empty for a real rover.
         ahead_s: difference of the clock of stamps, which is that of a live simulation, and the
             core's; 0 if it is the same.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, charge_ratio: float) -> None:
         self.truths: deque[tuple[float, Pose]] = deque(maxlen=_KEPT)
         self.ahead_s = 0.0
         self._poses: deque[tuple[float, Pose]] = deque(maxlen=_KEPT)
         self._published: Odometry | None = None
         self._second: SecondOdometry | None = None
         self._camera: CameraAngles | None = None
-        self._charge_ratio: float | None = None
+        self._charge_ratio = charge_ratio
         self._moved_s = 0.0
         self._errors: deque[list[float]] = deque(maxlen=_MEASURED)
 
@@ -71,7 +74,7 @@ class RecordedMotion:
                 self._second = replace(fact, stamp_s=fact.stamp_s - self.ahead_s)
             case CameraAngles():
                 self._camera = fact
-            case Battery(charge_ratio=ratio):
+            case Battery(charge_ratio=ratio) if ratio is not None:
                 self._charge_ratio = ratio
             case Imu() if now_s - self._moved_s > _STOOD_S and self._published is not None:
                 lean = self._published.pose

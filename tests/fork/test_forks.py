@@ -10,8 +10,17 @@ import pytest
 from adapters.recording import RecordingError, RunFile, RunReader, decode
 from adapters.recording.replay import replay
 from executive.commands import MoveForward, PreemptionPolicy
-from executive.core.recording import SimulationItem, SimulationStarted, TimelineStarted, Truth
+from executive.core.recording import (
+    Entry,
+    FactObserved,
+    SimulationItem,
+    SimulationStarted,
+    SimulationState,
+    TimelineStarted,
+    Truth,
+)
 from executive.settings import Controller, SettingsError, load_settings
+from executive.values.facts import Battery
 from executive.values.reports import Identity
 from sim.fork.forkable import Forkable
 from sim.fork.model import (
@@ -135,6 +144,34 @@ def test_a_recording_without_a_timeline_is_continued_from_its_state(
     assert fork.outcome.at_s == 1.5
     (lacking,) = live.recorded.outcome.lacks
     assert "/sim/timeline is missing" in lacking
+
+
+def test_a_live_simulation_on_another_clock_is_placed_before_its_first_state(
+    stuck: Path, tmp_path: Path
+) -> None:
+    unknown = (Truth, TimelineStarted, SimulationState)
+    path = on_another_clock(rewritten(stuck, tmp_path / "run.mcap", without=unknown))
+    fork, fidelity = Forkable(path).unchanged(0.9)
+    assert fork.outcome.placing is Placing.ODOMETRY, "the simulation may be older"
+    assert fidelity is Fidelity.SAME_OUTCOMES
+
+
+def on_another_clock(recording: Path) -> Path:
+    """Return a copy with the clock of an executive in a process of its own.
+
+    The computer has run for a day, and the battery reports no charge.
+    """
+    path, reader = recording.with_name("live.mcap"), RunReader(recording)
+    with closing(RunFile(path)) as file:
+        for item in map(reader.decoded, reader.messages()):
+            if isinstance(item, FactObserved) and isinstance(item.fact, Battery):
+                item = replace(item, fact=replace(item.fact, charge_ratio=None))
+            if isinstance(item, SimulationItem):
+                item = replace(item, time_s=item.time_s + 86400.0)
+            if isinstance(item, Entry):
+                item = replace(item, now_s=item.now_s + 86400.0)
+            file.put(item)
+    return path
 
 
 @pytest.mark.parametrize(
