@@ -51,6 +51,11 @@ class Hypothesis:
     fault: AddedFault
     score: float
 
+    def document(self) -> dict[str, Any]:
+        """Return it as JSON data."""
+        fault, begin_s = format_fault(self.fault.fault), self.fault.begin_s
+        return {"fault": fault, "begin_s": begin_s, "score": self.score}
+
     def __str__(self) -> str:
         ((name, figures),) = format_fault(self.fault.fault).items()
         given = ", ".join(

@@ -33,7 +33,6 @@ from sim.fork.candidates import (
 from sim.fork.forkable import Forkable
 from sim.fork.hypotheses import EXPLAINED, Hypothesis, rank, score
 from sim.fork.model import AddedFault, Change, Fidelity, ForkRun
-from sim.rover.faults import format_fault
 from sim.scenario.record import Record
 from sim.scenario.truth import check_executed_truth
 
@@ -76,13 +75,18 @@ def judge(failed: Identity, recorded: Record, played: Record) -> Verdict:
     """Judge a repeated run as scenarios do.
 
     It is saved if the command ended EXECUTED, every EXECUTED is true, the contacts do not increase,
-    and every other command that ended EXECUTED in the recording does so.
+    and every other command that ended EXECUTED in the recording does so. A fork may begin in the
+    middle of a run.
     """
     before, after = recorded.all_lifecycles(), played.all_lifecycles()
     lost = [each for each in before if _executed(before, each) and not _executed(after, each)]
     stages = after[failed].stages if failed in after else ()
     end = stages[-1] if stages else None
-    true = check_executed_truth(_with_begin(recorded, played), ())
+    begun = [each for each in recorded.requested if each not in played.requested]
+    began_s = played.poses[0].time_s if played.poses else inf
+    poses = [each for each in recorded.poses if each.time_s < began_s]  # from before the fork
+    whole = replace(played, requested=[*begun, *played.requested], poses=[*poses, *played.poses])
+    true = check_executed_truth(whole, ())
     if end is None or end.stage is not Stage.EXECUTED:
         return Verdict(f"{failed} {_end_text(end)}", end)
     if lost:
@@ -92,19 +96,6 @@ def judge(failed: Identity, recorded: Record, played: Record) -> Verdict:
     if (played.contacts or 0) > (recorded.contacts or 0):
         return Verdict(f"{played.contacts} contacts", end)
     return Verdict("", end)
-
-
-def _with_begin(recorded: Record, played: Record) -> Record:
-    """Return the record of a fork with the requests and the poses from before the fork."""
-    known = {each.identity for each in played.requested}
-    requested = [each for each in recorded.requested if each.identity not in known]
-    began_s = played.poses[0].time_s if played.poses else inf
-    poses = [each for each in recorded.poses if each.time_s < began_s]
-    return replace(
-        played,
-        requested=[*requested, *played.requested],
-        poses=[*poses, *played.poses],
-    )
 
 
 def _executed(commands: Mapping[Identity, CommandHistory], identity: Identity) -> bool:
@@ -151,44 +142,33 @@ class Saving:
             yield f"  with extreme limits: {self.instead}"
 
 
+@dataclass(slots=True)
 class Search:
     """A search for the minimal change that saves a run.
 
-    Args:
-        failed: the command that failed; `end` is its last report, `request` its request.
-        settings: settings of the run.
-        play: repeats the run.
-        seeds: of the runs that confirm a change.
+    Attributes:
+        failed, end, request: the command that failed, its last report, and its request.
+        play: repeats the run, also with the seeds that confirm a change.
+        tried, instead: as in `Saving`.
     """
 
-    def __init__(
-        self,
-        failed: Identity,
-        end: Report,
-        request: Request,
-        settings: Settings,
-        play: Play,
-        seeds: Sequence[int],
-    ) -> None:
-        self._failed, self._end, self._request, self._settings = failed, end, request, settings
-        self._play, self._seeds = play, seeds
-        self._tried, self._instead = 0, ""
+    failed: Identity
+    end: Report
+    request: Request
+    settings: Settings
+    play: Play
+    seeds: Sequence[int]
+    tried: int = 0
+    instead: str = ""
 
     def run(self) -> Saving:
         """Return the minimal change that saves the run with enough of the seeds."""
         unchanged = self._confirmed(Change())
-        found = next(self._confirmations(max(unchanged, ceil(CONFIRMED * len(self._seeds)))), None)
-        each, saved = found or (None, 0)
-        name = declaration_of(type(self._request)).name
-        return Saving(
-            f"{self._failed} {name} {_end_text(self._end)}",
-            each.text if each else "",
-            saved,
-            unchanged,
-            len(self._seeds),
-            self._tried,
-            self._instead,
-        )
+        found = next(self._confirmations(max(unchanged, ceil(CONFIRMED * len(self.seeds)))), None)
+        text, saved = (found[0].text, found[1]) if found else ("", 0)
+        command = f"{self.failed} {declaration_of(type(self.request)).name} {_end_text(self.end)}"
+        seeds = len(self.seeds)
+        return Saving(command, text, saved, unchanged, seeds, self.tried, self.instead)
 
     def _confirmations(self, least: int) -> Iterator[tuple[Candidate, int]]:
         """Yield what saves the run as recorded and with enough seeds, the minimal first."""
@@ -202,8 +182,8 @@ class Search:
     def _groups(self) -> Iterator[list[Candidate]]:
         """Yield candidates in groups, each smaller than those after it."""
         limits = self._limits()
-        others = candidates([each] for each in speeds_of(self._settings))
-        others += controllers_for(self._request, self._settings)
+        others = candidates([each] for each in speeds_of(self.settings))
+        others += controllers_for(self.request, self.settings)
         for together in range(1, MAX_TOGETHER + 1):
             figures = [*combinations(limits, together)]
             extreme = [candidate(each, FACTORS[-1]) for each in figures]
@@ -211,21 +191,21 @@ class Search:
             pairs = zip(figures, extreme, strict=True)
             yield [*others, *candidates(each for each, far in pairs if far in saving)]
             others = []
-        yield candidates([each] for each in arguments_of(self._failed, self._request))
+        yield candidates([each] for each in arguments_of(self.failed, self.request))
 
     def _limits(self) -> list[Adjustable]:
         """Return the limits that end the run, each after those before it no longer do."""
         limits: dict[str, Adjustable] = {}
-        end: Report | None = self._end
+        end: Report | None = self.end
         while end is not None:
-            found = {each.key: each for each in limits_of(end, self._settings)}
+            found = {each.key: each for each in limits_of(end, self.settings)}
             if found.keys() <= limits.keys():
                 return []
             limits |= found
             (verdict,) = self._run([(candidate([*limits.values()], FACTORS[-1]).change, None)])
             if verdict.saved:
                 break
-            self._instead, end = verdict.text, verdict.end
+            self.instead, end = verdict.text, verdict.end
         return [*limits.values()]
 
     def _saving(self, tried: Sequence[Candidate]) -> list[Candidate]:
@@ -234,11 +214,11 @@ class Search:
         return [each for each, its in zip(tried, verdicts, strict=True) if its.saved]
 
     def _confirmed(self, change: Change) -> int:
-        return sum(each.saved for each in self._run([(change, seed) for seed in self._seeds]))
+        return sum(each.saved for each in self._run([(change, seed) for seed in self.seeds]))
 
     def _run(self, trials: Sequence[Trial]) -> Sequence[Verdict]:
-        self._tried += len(trials)
-        return self._play(trials) if trials else []
+        self.tried += len(trials)
+        return self.play(trials) if trials else []
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,21 +238,11 @@ class SaveAnswer:
 
     def document(self) -> dict[str, Any]:
         """Return it as JSON data."""
-        faults = [
-            {
-                "fault": format_fault(each.fault.fault),
-                "begin_s": each.fault.begin_s,
-                "score": each.score,
-            }
-            for each in self.hypotheses
-        ]
-        saving = None if self.saving is None else asdict(self.saving)
-        fidelity = self.fidelity.name
         return {
             "recording": self.recording,
-            "fidelity": fidelity,
-            "hypotheses": faults,
-            "saving": saving,
+            "fidelity": self.fidelity.name,
+            "hypotheses": [each.document() for each in self.hypotheses],
+            "saving": None if self.saving is None else asdict(self.saving),
         }
 
     def lines(self) -> Iterator[str]:
