@@ -227,6 +227,7 @@ def copied_settings(settings: Settings) -> Settings:
         safety=replace(settings.safety, watchdog_s=NEVER_LATE_S),
         authority=replace(settings.authority, needed=False),
         link_loss=LinkLossSettings(),
+        drive=replace(settings.drive, min_turning_radius_m=None),
         controller=Controller.TURN_DRIVE,
         mpc=replace(settings.mpc, selectable=False),
         navigation=None,
