@@ -1,7 +1,7 @@
-"""`Checkpointed`: parts of a simulation whose state is saved, and continued in another process.
+"""`Checkpointed`: parts of a simulation with a state that another process can continue.
 
 A part declares the attributes that change; all others follow from the arguments of its constructor.
-A checkpoint is JSON: recordings come from elsewhere, and reading one executes nothing.
+A checkpoint is JSON: recordings can be of any origin, and reading one executes nothing.
 """
 
 import json

@@ -25,7 +25,7 @@ class HeadController(Checkpointed):
         self._now = (0.0, 0.0)
 
     def set_now(self, pan_rad: float, tilt_rad: float) -> None:
-        """Set the angles at which the servos are."""
+        """Set the present angles of the servos."""
         self._now = pan_rad, tilt_rad
 
     def point(self, pan_rad: float, tilt_rad: float) -> None:

@@ -170,7 +170,7 @@ class ContinuedLockStep(LockStep):
         latest_s = began_s + self._seam.latest_s + ALMOST_S
         until_s = max((each for each in ticks_s if each <= latest_s), default=ticks_s[0])
         self._core, until_s = self._replay(until_s, ticks_s)
-        self.placing = self._placed.place(until_s)
+        self.placing = self._placed.start(until_s)
         executive = self._core.continue_live(self._solver)
         executive.wake = self._wake
         self._seen = self  # type: ignore[assignment]

@@ -1,7 +1,7 @@
 """`PlacedRover` puts a simulated rover where that of a recording was, at the moment of a fork.
 
-During the replay it stores what the core commands. With a recorded state of the simulation, or its
-seed, physics then repeats these commands: the fork begins in the same state, to the last bit.
+During the replay it stores the commands of the core. With a recorded state of the simulation, or
+its seed, physics then repeats these commands: the fork begins in the same state, to the last bit.
 Without, the rover is put at the true pose, or at that of the odometry; its sensors continue those
 of the recording in stamp, pose and constant errors.
 """
@@ -50,16 +50,16 @@ Act = Callable[[SimulatedJackal], None]
 
 
 class PlacedRover:
-    """Rover of a replayed core: stores its commands until `place`, then passes them on.
+    """Rover of a replayed core: stores its commands until `start`, then forwards them.
 
     Args:
         settings: settings of the asset in the fork.
         simulation: world, seed and accuracy of the simulation of the fork.
         exact: whether these, the sensors and the mux are those of the recorded run.
-        same_ground: whether the world is that of the run, whatever else differs.
+        same_ground: whether the world is that of the run, also if the seed differs.
 
     Attributes:
-        simulated: the simulated rover; not to be used before `place`.
+        simulated: the simulated rover; not to be used before `start`.
     """
 
     def __init__(
@@ -118,7 +118,7 @@ class PlacedRover:
             case _:
                 pass
 
-    def place(self, at_s: float) -> Placing:
+    def start(self, at_s: float) -> Placing:
         """Put the simulated rover where the recorded one was, on the core's monotonic clock.
 
         Raises:
@@ -192,7 +192,7 @@ class PlacedRover:
         late = rover.fault(faults.OdometryLate)
         at = self._motion.placement(time_s, 0.0 if late is None else late.by_s)
         exact = self._same_ground and bool(self._motion.truths)
-        rover.place(replace(at, commanded=commanded, exact=exact))
+        rover.continue_from(replace(at, commanded=commanded, exact=exact))
 
     def _do(self, act: Act) -> None:
         if self._is_placed:

@@ -21,16 +21,16 @@ from executive.values.geometry import STANDING, Pose, Velocity, step_between, up
 from sim.rover.body import PERIOD_S
 from sim.rover.placement import Placement
 
-_KEPT: Final = 256
+_STORED: Final = 256
 """Number of poses: five seconds of an odometry of 50 Hz."""
 _GRAVITY_MPS2: Final = 9.81
-_STOOD_S: Final = 0.5
-"""Time after which a rover that is commanded zero stands."""
+_STANDSTILL_S: Final = 0.5
+"""Time after which a rover that is commanded zero is stationary."""
 _ENOUGH: Final = 20
 _MEASURED: Final = 2000
 """Minimum and maximum measurements of a standing rover; their mean is its constant error."""
 _OTHER_CLOCK_S: Final = 5.0
-"""Minimum difference of stamps and the core's clock of which they are different clocks."""
+"""Minimum difference of stamps and the core's clock, if they are different clocks."""
 
 Track = Sequence[tuple[float, Pose]]
 
@@ -48,9 +48,9 @@ class RecordedMotion:
     """
 
     def __init__(self, charge_ratio: float) -> None:
-        self.truths: deque[tuple[float, Pose]] = deque(maxlen=_KEPT)
+        self.truths: deque[tuple[float, Pose]] = deque(maxlen=_STORED)
         self.ahead_s = 0.0
-        self._poses: deque[tuple[float, Pose]] = deque(maxlen=_KEPT)
+        self._poses: deque[tuple[float, Pose]] = deque(maxlen=_STORED)
         self._published: Odometry | None = None
         self._second: SecondOdometry | None = None
         self._camera: CameraAngles | None = None
@@ -76,7 +76,7 @@ class RecordedMotion:
                 self._camera = fact
             case Battery(charge_ratio=ratio) if ratio is not None:
                 self._charge_ratio = ratio
-            case Imu() if now_s - self._moved_s > _STOOD_S and self._published is not None:
+            case Imu() if now_s - self._moved_s > _STANDSTILL_S and self._published is not None:
                 lean = self._published.pose
                 up = up_of(lean.roll_rad, lean.pitch_rad)
                 felt = (a - _GRAVITY_MPS2 * b for a, b in zip(fact.acceleration, up, strict=True))

@@ -333,7 +333,7 @@ class SimulatedBody(Checkpointed, ABC):
                 self._disturb()
 
     def mark(self, fault: SimulatedFault) -> None:
-        """Add a fault whose effect at its begin is over, such as a push, without that effect."""
+        """Add a fault without its effect at the begin, such as a push that is over."""
         self._faults[type(fault)] = fault
 
     def clear(self, kind: type[SimulatedFault]) -> None:
@@ -349,7 +349,7 @@ class SimulatedBody(Checkpointed, ABC):
         else:
             self._disturb()
 
-    def place(self, at: Placement) -> None:
+    def continue_from(self, at: Placement) -> None:
         """Continue another run; time, cargo, faults and commands are those of it already."""
         self._disturbance.put(at.pose, None if at.exact else 0.0)
         heading_rad, velocity = at.pose.heading_rad, at.velocity

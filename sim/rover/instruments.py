@@ -58,7 +58,7 @@ class Instrument(Checkpointed, ABC):
     def measure(self, stamp_s: float) -> Fact | None:
         """Return the present measurement; None if there is none."""
 
-    def place(self, at: Placement) -> None:
+    def continue_from(self, at: Placement) -> None:
         """Continue another run, at the present state of physics."""
         self.begins()
 
@@ -158,9 +158,9 @@ class InertialUnit(Instrument):
         self._before, self._before_mps = self._attitude.tolist(), self._linear.tolist()
         self._shoves_mps2: list[float] = []
 
-    def place(self, at: Placement) -> None:
-        """Continue another run with its constant errors: new ones would look like a fault."""
-        super().place(at)
+    def continue_from(self, at: Placement) -> None:
+        """Continue another run with its constant errors: new ones would resemble a fault."""
+        super().continue_from(at)
         self._before, self._before_mps = self._attitude.tolist(), self._linear.tolist()
         if at.inertial_errors is not None:
             self.set_errors(at.inertial_errors)
@@ -281,9 +281,9 @@ class WheelSensors(Instrument):
         self._angles, self._efforts = rover.data.qpos[_WHEELS], rover.data.actuator_force[:4]
         self._before = self._angles.tolist()
 
-    def place(self, at: Placement) -> None:
+    def continue_from(self, at: Placement) -> None:
         """Continue another run, at the present angles."""
-        super().place(at)
+        super().continue_from(at)
         self._before = self._angles.tolist()
 
     def measure(self, stamp_s: float) -> Joints | None:

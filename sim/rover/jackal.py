@@ -337,9 +337,9 @@ class SimulatedJackal(SimulatedBody):
             for due_s, each in self._in_transit
         )
 
-    def place(self, at: Placement) -> None:
+    def continue_from(self, at: Placement) -> None:
         """Continue another run; time, cargo, faults and commands are those of it already."""
-        super().place(at)
+        super().continue_from(at)
         self._base.command(at.commanded, self.time_s)
         self._base.follow(at.commanded)
         speeds = self._unstuck(*self._base.wheels_radps(self.time_s, 0.0))
@@ -349,7 +349,7 @@ class SimulatedJackal(SimulatedBody):
         for each in at.measured:
             self._in_transit.append((each.stamp_s, each))
             self.odometry.pose = each.pose
-        self._suite.place(at)
+        self._suite.continue_from(at)
         self._due.clear()
         self._actuate()
 

@@ -93,7 +93,7 @@ MEASURED_S: Final = 0.6
 """Time between two skips; the monitors of the accelerometer then settle; measured."""
 _SECOND: Final = round(1 / STEP_S)
 _SAVED_STEP: Final = 8
-"""Step of each second whose state is recorded: a scan at 10 Hz is not under way then."""
+"""Step of each second that records the state: no scan at 10 Hz is delayed then."""
 
 
 class DownlinkRecorder:

@@ -1,4 +1,4 @@
-"""`Placement`: where a simulated rover continues another run, and what was measured there."""
+"""`Placement`: state of another run, from which a simulated rover continues."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ class Placement:
     Attributes:
         pose: in the world's frame.
         exact: whether the height and the inclination of the pose are those of this world's ground;
-            otherwise the rover stands upright on it.
+            otherwise the rover is put upright on it.
         commanded: velocity that the base follows; standing if it is stopped by itself.
         published: the last odometry that was published.
         measured: odometry that is measured, but not published; the last one is of this time.

@@ -69,9 +69,9 @@ class VisualOdometry(Instrument):
         self._gap_until_s = self._gap_from_s + random.uniform(*_GAP_S)
         self._last: SecondOdometry | None = None
 
-    def place(self, at: Placement) -> None:
+    def continue_from(self, at: Placement) -> None:
         """Continue in the frame of its own that the other run had."""
-        super().place(at)
+        super().continue_from(at)
         self._true = at.pose
         if at.second is not None:
             self._last, self._pose = at.second
@@ -236,10 +236,10 @@ class SensorSuite(Checkpointed):
         self._delayed: list[tuple[float, Fact]] = []
         self.every = gcd(STEPS_PER_PERIOD, *(each.every for each in self._instruments))
 
-    def place(self, at: Placement) -> None:
+    def continue_from(self, at: Placement) -> None:
         """Continue the measurements of another run."""
         for each in self._instruments:
-            each.place(at)
+            each.continue_from(at)
 
     def read(self, steps: int) -> list[Fact]:
         """Return the facts published at a step of physics."""

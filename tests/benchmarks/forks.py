@@ -23,7 +23,7 @@ from sim.fork.forkable import Forkable
 from sim.fork.model import AddedCommand, AddedFault, Change, Fidelity, ForkRun
 from sim.rover.faults import fault_declaration, read_fault
 from sim.scenario.changes import Override
-from sim.scenario.lockstep_run import run_in_lock_step
+from sim.scenario.lockstep_run import LockstepRun, run_in_lock_step
 from sim.scenario.model import Inject, RunMode
 from sim.scenario.reading import load_scenario
 from tests.support.figures import Figure, Goal, quantile
@@ -38,6 +38,20 @@ MAX_S: Final = 18.0
 FAULTS: Final = ("left_wheels_stuck", "odometry_lost", "gyro_dead", "brownout", "pushed")
 
 
+class _EndingRun(LockstepRun):
+    """A run that ends some time after its last entry and its last command."""
+
+    _busy_s = 0.0
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether nothing has happened for that time."""
+        lock = self._lock
+        if not lock.alive or lock.executive.goal_count or self._timeline.next_s() < inf:
+            self._busy_s = lock.time_s
+        return lock.time_s > self._busy_s + SETTLED_S + 0.5
+
+
 def record(campaign: str, number: int, folder: Path) -> Path:
     """Record a run of a campaign; return the file."""
     drawn = draw(load_campaign(campaign), number)
@@ -45,7 +59,7 @@ def record(campaign: str, number: int, folder: Path) -> Path:
     path = folder / f"{campaign}-{number}.mcap"
     scenario = replace(scenario, duration_s=min(scenario.duration_s, MAX_S))
     with tempfile.TemporaryDirectory() as run, closing(RunFile(path)) as file:
-        run_in_lock_step(scenario, Path(run), file)
+        run_in_lock_step(scenario, Path(run), file, run=_EndingRun)
     return path
 
 

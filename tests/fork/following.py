@@ -68,7 +68,7 @@ def follow(
             step.entry.now_s if isinstance(step, RecordedEntry) else getattr(step, "time_s", 0.0)
         )
         if rover is not None and found.placing is None and now_s > at_s + 1e-6:
-            found.placing = rover.place(at_s)
+            found.placing = rover.start(at_s)
         if rover is not None and found.placing is not None:
             rover.simulated.advance(now_s - rover.simulated.time_s)
         if isinstance(step, ProcessStart):
