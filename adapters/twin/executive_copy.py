@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from shutil import rmtree
 from typing import Final
 
 from executive.commands import (
@@ -86,6 +87,7 @@ class ExecutiveCopy:
         self._origin = first.pose
         self.track: deque[tuple[float, Pose]] = deque([(first.utc_s, first.pose)])
         folder.mkdir()
+        self._folder = folder
         self._ledger = Ledger(
             folder / "ledger", Synchronous.NORMAL, lambda _: connect_to_file(":memory:")
         )
@@ -164,8 +166,9 @@ class ExecutiveCopy:
             self.ends.popleft()
 
     def close(self) -> None:
-        """Release its files."""
+        """Delete its files."""
         self.executive.simulate_crash()
+        rmtree(self._folder, ignore_errors=True)
 
     def _idle_s(self, left_s: float) -> float:
         """Return the time to skip because the rover is idle; 0 if it is not."""

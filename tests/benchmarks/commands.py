@@ -559,7 +559,7 @@ def relay_drain(commands: int, samples: int, refused: int) -> "list[Figure]":
     return relay_drain.measure(commands, samples, refused, log)
 
 
-@benchmark("predicted-poses --sites 4", count("--sites", 30))
+@benchmark("predicted-poses --sites 4", count("--sites", 30, least=2))
 def predicted_poses(count: int) -> "list[Figure]":
     """Predicted poses of a rover behind 2.6, 10 and 300 s, on random sites (about 15 minutes)."""
     from tests.benchmarks import predicted_poses

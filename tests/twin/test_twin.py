@@ -119,6 +119,8 @@ def test_stuck_wheels_leave_the_rover_on_the_drawn_path(tmp_path: Path) -> None:
             if len(made) > ONE_WAY_S:
                 assert off_path_m(made.pop(0).path, link.pose.point) < 0.3
         assert link.stages(drive)[-1] is Stage.FAILED
+        assert link.twin._copies > 1
+        assert len(list(Path(link.twin._folder.name).iterdir())) == 1, "others are deleted"
         assert made[0].pose.point.distance_m(link.pose.point) < 0.05  # corrected by the report
 
 
