@@ -1,5 +1,6 @@
 """`PlacedRover` is where the recorded rover was: to the last bit, or as near as can be known."""
 
+from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Final
@@ -7,8 +8,14 @@ from typing import Final
 import pytest
 import yaml
 
-from executive.core.recording import Item, SimulationState
+from executive.core.recording import FactObserved, Item, SimulationState
+from executive.settings import load_settings
+from executive.values.facts import Odometry
+from executive.values.geometry import Pose, Velocity
 from sim.fork.model import Placing
+from sim.fork.placing import PlacedRover
+from sim.rover import World
+from sim.rover.simulation import Simulation
 from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.reading import read_scenario
 from tests.fork.following import follow
@@ -84,3 +91,25 @@ def test_a_real_rover_is_put_at_its_odometry(items: list[Item], tmp_path: Path) 
         each[0].point.distance_m(each[19].point) for each in (found.recorded, found.simulated)
     ]
     assert moved_m[1] == pytest.approx(moved_m[0], abs=0.02)
+
+
+def test_odometry_of_another_clock_continues_in_stamp_and_pose() -> None:
+    rover, ahead_s = PlacedRover(load_settings("jackal"), Simulation(World()), exact=False), 1e6
+    recorded = [
+        Odometry(10 + 0.02 * k + ahead_s - 0.02, Pose(0.01 * k, 3.0), Velocity(0.5, 0.0))
+        for k in range(50)
+    ]
+    for number, fact in enumerate(recorded):
+        rover.drive(Velocity(0.5, 0.0))
+        rover.enter(FactObserved(10 + 0.02 * number, 0.0, fact))
+    assert rover.start(11.0) is Placing.ODOMETRY
+    rover.drive(Velocity(0.5, 0.0))
+    rover.simulated.advance(0.2)
+    found = [each for each in rover.facts() if isinstance(each, Odometry)]
+    stamps_s = [each.stamp_s for each in (recorded[-1], *found)]
+    steps_s = [b - a for a, b in pairwise(stamps_s)]
+    assert min(steps_s) > 0.0
+    assert max(steps_s) < 0.061
+    expected_m = recorded[-1].pose.x_m + 0.5 * (found[0].stamp_s - stamps_s[0])
+    assert found[0].pose.x_m == pytest.approx(expected_m, abs=0.003)
+    assert found[-1].pose.y_m == pytest.approx(3.0, abs=0.01)
