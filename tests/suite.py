@@ -157,6 +157,7 @@ STRESS: Final = {
     "authority": {"--interleavings": (100_000, 1000)},
     "replays": {"--runs": (500, 3)},
     "forks": {"--forks": (200, 2)},
+    "regressions": {"--recordings": (100, 7)},
     "navigation": {"--drives": (50, 1)},
     "saving": {"--runs": (50, 1)},
     "fuzz": {"--messages": (1_000_000, 5000)},

@@ -24,9 +24,17 @@ BAD_FILE: Final = 2
 )
 @click.option("--markdown", is_flag=True, help="Print a table, as for a folder, also for files.")
 @click.option("--json", "as_json", is_flag=True, help="Print the table as JSON.")
+@click.option(
+    "--judge/--no-judge", default=True, help="Judge each difference of a folder by a fork."
+)
 @click.option("--jobs", type=click.IntRange(1), help="Number of processes.  [default: all cores]")
 def replay(
-    files: tuple[str, ...], settings: str | None, markdown: bool, as_json: bool, jobs: int | None
+    files: tuple[str, ...],
+    settings: str | None,
+    markdown: bool,
+    as_json: bool,
+    judge: bool,
+    jobs: int | None,
 ) -> None:
     """Replay recorded runs through the core, and compare its decisions.
 
@@ -37,7 +45,9 @@ def replay(
 
     `rover scenario FILE --out DIR` records runs. Replay them after a change of the code: the
     differences are its effects. For a folder all recordings in it are replayed, in parallel, and
-    grouped by their first different decision: a table in Markdown.
+    grouped by their first different decision: a table in Markdown. Each that differs is simulated
+    again, as by `rover whatif`, and judged by the contacts and the ends of its commands: better,
+    worse or the same. That needs the extra sim.
 
     \b
     Examples:
@@ -63,9 +73,10 @@ def replay(
         raise click.UsageError(str(error)) from error
     recordings, statuses = _recordings(files), []
     if markdown or as_json or any(map(Path.is_dir, map(Path, files))):
-        from adapters.recording.regressions import compare
+        from adapters.recording import regressions
 
-        found = compare(recordings, others, jobs)
+        found = regressions.compare(recordings, others, jobs)
+        found = regressions.judge(found, settings, jobs) if judge and found.groups else found
         click.echo(json.dumps(found.document()) if as_json else found.markdown())
         raise SystemExit(BAD_FILE if found.unusable else DIFFERS if found.groups else SAME)
     for path in recordings:

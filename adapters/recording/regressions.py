@@ -1,9 +1,17 @@
-"""`compare` replays recordings in parallel and groups them by their first different decision."""
+"""`compare` replays recordings in parallel and groups them by their first different decision.
 
+`judge` has each that differs judged by its fork, in processes of `sim`, where forks are.
+"""
+
+import json
+import subprocess
+import sys
+from collections import Counter
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import asdict, dataclass, replace
 from functools import partial
+from importlib.util import find_spec
 from multiprocessing import get_context
 from os import cpu_count
 from pathlib import Path
@@ -11,15 +19,21 @@ from statistics import median
 from typing import Any, Final
 
 from adapters.recording.container import RecordingError
-from adapters.recording.first_decision import FirstDecision
+from adapters.recording.first_decision import TEXTS, FirstDecision
 from adapters.recording.replay import replay
 from executive.settings import Settings
 
 FEW: Final = 8
 """Number of recordings below which this process replays them: another takes 0.7 s to start."""
+JUDGE: Final = "sim.fork.judge"
+"""Module that judges recordings: JSON from its standard input, lines of JSON to its output."""
+SAME: Final = "same"
+UNKNOWN: Final = "not judged"
+MAX_REASONS: Final = 10
+"""Maximum number of reasons of verdicts below the table; `--json` has all."""
 _HEADER: Final = (
-    "| recordings | command | first different decision | recorded | change | example |\n"
-    "|---:|---|---|---|---:|---|"
+    "| recordings | command | first different decision | recorded | change | forks | example |\n"
+    "|---:|---|---|---|---:|---|---|"
 )
 
 
@@ -31,12 +45,16 @@ class Compared:
         decision: the first different decision; None if all are the same.
         error: why the recording cannot be used; empty if it can.
         cut_s: last time that a truncated or damaged recording has; None for a whole one.
+        verdict: of its fork: `better`, `worse`, `same` or `not judged`; empty without a fork.
+        reason: reason of the verdict.
     """
 
     path: Path
     decision: FirstDecision | None = None
     error: str = ""
     cut_s: float | None = None
+    verdict: str = ""
+    reason: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,12 +96,13 @@ class Regressions:
 
     @property
     def groups(self) -> tuple[Group, ...]:
-        """Groups of recordings that decide differently, in order of decreasing size."""
+        """Groups of recordings that decide differently, by decreasing size; of texts at the end."""
         found: dict[tuple[str, str, str], list[Compared]] = {}
         for each in self.compared:
             if each.decision is not None:
                 found.setdefault(each.decision.group, []).append(each)
-        return tuple(Group(tuple(each)) for each in sorted(found.values(), key=len, reverse=True))
+        order = sorted(found, key=lambda key: (TEXTS in key, -len(found[key])))
+        return tuple(Group(tuple(found[key])) for key in order)
 
     @property
     def summary(self) -> str:
@@ -93,6 +112,8 @@ class Regressions:
     def markdown(self) -> str:
         """Return a table of the groups, then the files that were not used or not whole."""
         lines = [_HEADER, *map(_row, self.groups), ""] if self.groups else []
+        judged = [each for each in self.compared if each.reason and each.verdict != SAME]
+        lines += [f"- {each.verdict}: {each.path}: {each.reason}" for each in judged[:MAX_REASONS]]
         lines += [f"- not used: {each.error}" for each in self.unusable]
         lines += [
             f"- {each.path}: truncated or damaged, compared up to {each.cut_s:.1f} s"
@@ -135,6 +156,52 @@ def compare(paths: Sequence[Path], settings: Settings | None, jobs: int | None) 
         return Regressions(tuple(pool.map(play, paths)))
 
 
+def judge(found: Regressions, asset: str | None, jobs: int | None) -> Regressions:
+    """Return the regressions with a verdict on each recording that decides differently.
+
+    Texts and figures are not judged.
+
+    Args:
+        found: regressions without verdicts.
+        asset: name or file of the settings that replace those of the runs; None if the code has
+            changed.
+        jobs: number of processes; None for one on each core.
+    """
+    paths = [
+        str(each.path)
+        for each in found.compared
+        if each.decision and TEXTS not in each.decision.group
+    ]
+    if any(find_spec(name) is None for name in ("sim", "mujoco", "scipy")):
+        text = "the simulation is not installed: pip install 'rover-executive[sim]'"
+        verdicts = dict.fromkeys(paths, (UNKNOWN, text))
+    else:
+        workers = min(jobs or cpu_count() or 1, len(paths))
+        shares = [paths[number::workers] for number in range(workers)]
+        with ThreadPoolExecutor(max(workers, 1)) as pool:
+            answers = pool.map(partial(_verdicts, asset), shares)
+            verdicts = {path: verdict for answer in answers for path, verdict in answer.items()}
+    return Regressions(
+        tuple(
+            each if answer is None else replace(each, verdict=answer[0], reason=answer[1])
+            for each in found.compared
+            for answer in [verdicts.get(str(each.path))]
+        )
+    )
+
+
+def _verdicts(asset: str | None, paths: Sequence[str]) -> dict[str, tuple[str, str]]:
+    """Return verdict and reason of recordings, by a process of its own."""
+    wanted = json.dumps({"recordings": paths, "settings": asset})
+    command = [sys.executable, "-P", "-m", JUDGE]
+    ended = subprocess.run(command, input=wanted, capture_output=True, text=True)
+    lines = ended.stderr.strip().splitlines() or [f"exit status {ended.returncode}"]
+    failed = dict.fromkeys(paths, (UNKNOWN, f"the fork failed: {lines[-1]}"))
+    return failed | {
+        path: (one, two) for path, one, two in map(json.loads, ended.stdout.splitlines())
+    }
+
+
 def _compared(path: Path, settings: Settings | None) -> Compared:
     try:
         found = replay(path, settings, to_decision=True)
@@ -145,21 +212,20 @@ def _compared(path: Path, settings: Settings | None) -> Compared:
 
 def _member(compared: Compared) -> dict[str, Any]:
     assert compared.decision is not None
-    shown = asdict(compared.decision)
-    return {
-        "path": str(compared.path),
-        **{key: shown[key] for key in ("entry", "time_s", "change")},
-    }
+    shown = asdict(compared) | asdict(compared.decision) | {"path": str(compared.path)}
+    return {key: shown[key] for key in ("path", "entry", "time_s", "change", "verdict", "reason")}
 
 
 def _row(group: Group) -> str:
     first, change = group.first, group.change
+    verdicts = Counter(each.verdict for each in group.members)
     cells = (
         str(len(group.members)),
         first.command,
         first.replayed,
         first.recorded,
         "" if change is None else f"{change:+.1%}",
+        ", ".join(f"{number} {name}" for name, number in verdicts.most_common() if name),
         f"{group.members[0].path}, {first.time_s:.2f} s",
     )
     return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"

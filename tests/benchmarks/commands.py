@@ -373,6 +373,22 @@ def mutants(count: int, seed: int, recordings: Path | None) -> "list[Figure]":
     return mutants.measure(count, seed, recordings, log)
 
 
+@benchmark(
+    "regressions --recordings 20",
+    count("--recordings", 100),
+    click.option(
+        "--folder",
+        type=click.Path(exists=True, file_okay=False, path_type=Path),
+        help="A folder of recordings, which are made and left there if it is empty.",
+    ),
+)
+def regressions(count: int, folder: Path | None) -> "list[Figure]":
+    """Planted changes of settings and code: does a replay of recordings find each?"""
+    from tests.benchmarks import regressions
+
+    return regressions.measure(count, folder, log)
+
+
 @benchmark("replays --runs 20", count("--runs", 500), SEED, OUTPUT)
 def replays(count: int, seed: int, folder: Path | None) -> "list[Figure]":
     """Recorded runs with faults, crashes and random commands: does a replay decide the same?"""

@@ -26,8 +26,9 @@ Patch = pytest.MonkeyPatch
 END = "FAILED WHEELS_OFF_COMMAND (faults.wheels_off_command)"
 
 
-def typed(*arguments: object) -> Result:
-    return CliRunner().invoke(replay_command, list(map(str, arguments)), catch_exceptions=False)
+def typed(*arguments: object, judge: bool = False) -> Result:
+    options = [*map(str, arguments), "--judge" if judge else "--no-judge"]
+    return CliRunner().invoke(replay_command, options, catch_exceptions=False)
 
 
 def document(*arguments: object) -> tuple[int, dict[str, Any]]:
@@ -79,7 +80,7 @@ def test_settings_are_grouped_by_the_fault_that_no_longer_ends_a_command(
     assert reported.exit_code == DIFFERS
     path = runs / "one" / "run.mcap"
     next_end = END.replace("wheels_off", "wheel_travel_off")
-    assert rows(reported) == [["2", "moveForward", next_end, END, "", f"{path}, 2.25 s"]]
+    assert rows(reported) == [["2", "moveForward", next_end, END, "", "", f"{path}, 2.25 s"]]
     assert reported.output.endswith("\n\n0 of 2 recordings decide the same\n")
 
 
@@ -94,7 +95,6 @@ def test_an_earlier_end_is_beside_the_recorded_one(stuck: Path, tmp_path: Path) 
     [
         ("\nfaults:\n", "\n# A comment.\nfaults:\n"),
         ("battery_low: {below: 22.0}", "battery_low: {below: 21.0}"),
-        ("path_waypoints: 100", "path_waypoints: 90"),
     ],
 )
 def test_settings_that_no_run_uses_decide_the_same(
@@ -181,3 +181,34 @@ def test_files_that_cannot_be_used_are_named_and_the_others_are_replayed(
     status, shown = document(runs, "--with", "mocup")
     assert (status, shown["same"], shown["groups"]) == (BAD_FILE, 0, [])
     assert "is of jackal, not of mocup" in shown["unusable"][0]["error"]
+
+
+def test_each_difference_is_judged_by_its_fork(stuck: Path, tmp_path: Path) -> None:
+    ignoring = changed(
+        tmp_path, "\nfaults:\n", "\nfaults:\n  wheels_off_command: {reaction: ignore}\n"
+    )
+    reported = typed(stuck.parent, "--with", ignoring, judge=True)
+    assert reported.exit_code == DIFFERS
+    (row,) = rows(reported)
+    assert row[5] == "1 same"
+    _, shown = document(stuck, "--with", ignoring)
+    assert shown["groups"][0]["recordings"][0]["verdict"] == ""
+
+
+def test_without_the_simulation_nothing_is_judged(
+    stuck: Path, tmp_path: Path, monkeypatch: Patch
+) -> None:
+    monkeypatch.setattr("adapters.recording.regressions.find_spec", lambda _: None)
+    slower = changed(tmp_path, "travel_speed_mps: 1.0", "travel_speed_mps: 0.9")
+    reported = typed(stuck.parent, "--with", slower, judge=True)
+    assert rows(reported)[0][5] == "1 not judged"
+    assert "is not installed: pip install 'rover-executive[sim]'" in reported.output
+
+
+def test_a_fork_that_fails_is_named(stuck: Path, tmp_path: Path, monkeypatch: Patch) -> None:
+    monkeypatch.setattr("adapters.recording.regressions.JUDGE", "sim.fork.none")
+    slower = changed(tmp_path, "travel_speed_mps: 1.0", "travel_speed_mps: 0.9")
+    reported = typed(stuck.parent, "--with", slower, judge=True)
+    assert "- not judged: " in reported.output
+    assert "the fork failed: " in reported.output
+    assert "No module named sim.fork.none" in reported.output

@@ -1,0 +1,90 @@
+"""`judge`: whether a recorded run would have been better or worse with other settings or code.
+
+`python -m sim.fork.judge` answers `rover replay`: a JSON object from its standard input, a line of
+JSON for each recording to its standard output.
+"""
+
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+from adapters.recording import RecordingError
+from executive.settings import Settings, SettingsError, load_settings
+from executive.values.reports import Stage
+from sim.fork.forkable import Forkable
+from sim.fork.model import Change, Fidelity, ForkRun
+from sim.scenario.truth import true_ends
+
+BETTER: Final = "better"
+WORSE: Final = "worse"
+SAME: Final = "same"
+UNKNOWN: Final = "not judged"
+LATER_S: Final = 0.5
+"""Difference of the end times that the text of equal outcomes names, s; chosen."""
+
+
+def judge(path: Path, settings: Settings | None) -> tuple[str, str]:
+    """Judge a recording by its fork: return a verdict and its reason as text.
+
+    Args:
+        path: first file of the recording.
+        settings: settings that replace those of the recording; None if the code has changed. The
+            recording is then compared itself: its code is not available for an unchanged fork.
+    """
+    try:
+        forkable = Forkable(path)
+        before, fork = forkable.recorded, forkable.fork(Change(asset=settings))
+        if settings is not None:
+            before, fidelity = forkable.unchanged(None)
+            if fidelity is Fidelity.DIFFERENT:
+                return UNKNOWN, "the fork without a change differs from the recording"
+    except (RecordingError, SettingsError) as error:
+        return UNKNOWN, str(error)
+    return compare(before, fork)
+
+
+def compare(before: ForkRun, after: ForkRun) -> tuple[str, str]:
+    """Compare two runs by contacts, then by false EXECUTED, then by the number of true ones."""
+    for old, new in zip(_faults(before), _faults(after), strict=True):
+        if old is not None and new is not None and old[0] != new[0]:
+            return (WORSE if new[0] > old[0] else BETTER), f"{new[1]}; before: {old[1]}"
+    (_, then), (_, now) = _unmet(before), _unmet(after)
+    if then != now:
+        return SAME, f"{now}; before: {then}"
+    later_s = _last_end_s(after) - _last_end_s(before)
+    is_later = abs(later_s) > LATER_S
+    return SAME, f"{abs(later_s):.1f} s {'later' if later_s > 0 else 'earlier'}" if is_later else ""
+
+
+def _faults(run: ForkRun) -> Iterator[tuple[int, str] | None]:
+    """Yield counts with their texts; the fewer, the better. None for an unknown count."""
+    contacts = run.outcome.contacts
+    yield None if contacts is None else (contacts, f"{contacts} contacts")
+    wrong = {each.label: each.wrong for each in true_ends(run.record) if each.wrong}
+    yield len(wrong), ", ".join(f"{label} {text}" for label, text in wrong.items()) or "all true"
+    yield _unmet(run)
+
+
+def _unmet(run: ForkRun) -> tuple[int, str]:
+    """Return the number of commands that did not end EXECUTED, and their ends as text."""
+    unmet = [each for each in run.outcome.commands if each.stage != Stage.EXECUTED.name]
+    texts = (f"{each.command} {each.stage} {each.reason}".rstrip() for each in unmet)
+    return len(unmet), ", ".join(texts) or "all EXECUTED"
+
+
+def _last_end_s(run: ForkRun) -> float:
+    return max((each.end_s for each in run.outcome.commands), default=0.0)
+
+
+def main() -> None:
+    """Read `recordings`, their paths, and `settings`, an asset, a YAML file or null, from stdin."""
+    request = json.load(sys.stdin)
+    settings = None if request["settings"] is None else load_settings(request["settings"])
+    for path in request["recordings"]:
+        print(json.dumps([path, *judge(Path(path), settings)]), flush=True)
+
+
+if __name__ == "__main__":
+    main()
