@@ -105,6 +105,7 @@ def whatif(
         require(package)
     from adapters.recording import RecordingError
     from executive.settings import SettingsError
+    from executive.values.reports import printable
     from sim.fork.forkable import whatif as answer_of
     from sim.fork.model import Fidelity
     from sim.fork.pictures import write_plots
@@ -129,7 +130,7 @@ def whatif(
         echo_json(answer.document())
     else:
         for line in answer_lines(answer, change):
-            echo_line(line)
+            echo_line(printable(line))
     if answer.fidelity is Fidelity.DIFFERENT:
         sys.exit(DIFFERS)
 

@@ -111,7 +111,8 @@ class ContinuedLockStep(LockStep):
         placing: how the rover was put there.
 
     Raises:
-        RecordingError: the recording has no tick.
+        RecordingError: the recording has no tick, or the core raises during its replay.
+        ValueError: the rover cannot be simulated: its world or its recorded state is not valid.
     """
 
     placing: Placing
@@ -211,7 +212,9 @@ class ContinuedLockStep(LockStep):
                     break
                 self._placed.enter(each.entry)
                 core.enter(each)
-                if core.raised or differing(each.decisions, core.decisions):
+                if core.raised:
+                    raise RecordingError(f"cannot be replayed: {core.raised}")
+                if differing(each.decisions, core.decisions):
                     until_s = next((t for t in ticks_s if t >= each.entry.now_s), until_s)
         assert core is not None
         return core, until_s

@@ -13,6 +13,7 @@ from dataclasses import replace
 from functools import cached_property, partial
 from math import inf
 from pathlib import Path
+from shutil import move
 from typing import Final
 
 from adapters.explanation import explain_now
@@ -226,7 +227,10 @@ class Forkable:
         latest_s = self._latest_s(scenario.timeline, change, at_s)
         late = SimulationStarted not in self._log.kinds
         seam = Seam(simulation, same, scenario.world == world, late, latest_s)
-        lock = ContinuedLockStep(self._steps, settings, seam, folder, sink)
+        try:
+            lock = ContinuedLockStep(self._steps, settings, seam, folder, sink)
+        except ValueError as error:
+            raise SettingsError(f"the rover cannot be simulated from there: {error}") from error
         record = Record(self._log.utc_s, folder)
         played = [i for i, time_s in self._played_s.items() if time_s <= lock.time_s + ALMOST_S]
         known, began_s = identities(self.timeline), lock.time_s
@@ -235,7 +239,10 @@ class Forkable:
             if index in played and isinstance(entry, Send):
                 sent = SentCommand(entry.name, identity, self._played_s[index], Answer.ACCEPTED)
                 record.sendings.append(sent)
-        run(scenario, lock, record).continue_behind(played, self._log.contacts_s)
+        forked = run(scenario, lock, record)
+        for index in played:
+            sink.put(TimelinePlayed(self._played_s[index] + (self._log.core_s or 0.0), index))
+        forked.continue_behind(played, self._log.contacts_s)
         record.contacts, record.simulated_s = lock.rover.contacts, lock.time_s
         lock.executive.simulate_crash()
         return record, lock.placing, began_s
@@ -246,9 +253,9 @@ class Forkable:
         changed = [self._played_s.get(index, inf) for index, (a, b) in pairs if a != b]
         added = (each.at_s for each in timeline[len(self.timeline) :] if each.at_s is not None)
         is_same = change == _assumption(change)
-        first = min(self._played_s.values(), default=1.0) if is_same else inf
-        before = [each - STEP_S for each in (*changed, *added)]
-        return min([first - STEP_S if at_s is None else at_s, *before])
+        first = min(self._played_s.values(), default=1.0) if is_same and at_s is None else inf
+        before = [each - STEP_S for each in (first, *changed)]
+        return min([*before, *added, *([] if at_s is None else [at_s])])
 
     @cached_property
     def _scanned(self) -> World:
@@ -370,7 +377,9 @@ def whatif(
     seeds: int = 1,
     out: Path | None = None,
 ) -> WhatIf:
-    """Return the answer to a question: the fork without the change first, then those with it.
+    """Return the answer to a question: the fork without the change, then those with it.
+
+    Both leave the recording at the same time; only if the first reproduces it, the others count.
 
     Args:
         path: recording.
@@ -385,16 +394,17 @@ def whatif(
         SettingsError: the change does not fit the recording.
     """
     run = Forkable(path)
-    changed_settings(run.settings, change)
-    changed_timeline(run.timeline, change, at_s)
     assumed = Change() if run.has_world else _assumption(change)
-    unchanged, fidelity = run.unchanged(at_s, assumed)
     forks: list[ForkOutcome] = []
-    if fidelity is not Fidelity.DIFFERENT and change != assumed:
-        with tempfile.TemporaryDirectory(prefix="rover-fork-") as folder:
-            file = out or Path(folder, "fork.mcap")
-            forks.append(_explained(run.fork(change, at_s, out=file).outcome, path, file))
-        forks += (run.fork(change, forks[0].at_s, seed).outcome for seed in range(1, seeds))
+    with tempfile.TemporaryDirectory(prefix="rover-fork-") as folder:
+        file = Path(folder, "fork.mcap")
+        first = None if change == assumed else run.fork(change, at_s, out=file).outcome
+        unchanged, fidelity = run.unchanged(at_s if first is None else first.at_s, assumed)
+        if first is not None and fidelity is not Fidelity.DIFFERENT:
+            forks.append(_explained(first, path, file))
+            forks += (run.fork(change, first.at_s, seed).outcome for seed in range(1, seeds))
+            if out is not None:
+                move(file, out)
     return WhatIf(
         recording=str(path),
         recorded=run.recorded.outcome,

@@ -9,7 +9,7 @@ import pytest
 
 from adapters.recording import RecordingError, RunFile, RunReader, decode
 from adapters.recording.replay import replay
-from executive.commands import MoveForward, PreemptionPolicy
+from executive.commands import MoveForward, PreemptionPolicy, Stop
 from executive.core.recording import (
     Entry,
     FactObserved,
@@ -22,7 +22,7 @@ from executive.core.recording import (
 from executive.settings import Controller, SettingsError, load_settings
 from executive.values.facts import Battery
 from executive.values.reports import Identity
-from sim.fork.forkable import Forkable
+from sim.fork.forkable import Forkable, whatif
 from sim.fork.model import (
     AddedCommand,
     AddedFault,
@@ -193,6 +193,22 @@ def test_a_recording_of_a_rover_is_continued_from_its_pose(
     fork, exact = lacking.fork(change), run.fork(change)
     assert fork.outcome.at_s == exact.outcome.at_s
     assert fork.outcome.first_difference == exact.outcome.first_difference
+
+
+def test_a_fork_of_a_rover_is_forked_again(tmp_path: Path) -> None:
+    play(tmp_path, "motion_forward", "duration=2.5")
+    kinds = get_args(SimulationItem)
+    lacking = rewritten(tmp_path / "run.mcap", tmp_path / "lacking.mcap", None, kinds)
+    stop = Change(added=(AddedCommand(Stop()),))
+    answer = whatif(lacking, stop, at_s=1.5, out=tmp_path / "fork.mcap")
+    assert answer.fidelity is Fidelity.SAME_OUTCOMES
+    (fork,) = answer.forks
+    assert fork.at_s == answer.unchanged.at_s == 1.5
+    assert fork.first_difference is not None
+    assert fork.first_difference.time_s == 1.5
+    assert stages(fork)["MOE:1"] == "CANCELLED STOPPED"
+    without = Change(dropped=(Identity("MOE", 2),))
+    assert stages(Forkable(tmp_path / "fork.mcap").fork(without).outcome) == {"MOE:1": "EXECUTED"}
 
 
 def test_a_restart_occurs_as_recorded(tmp_path: Path) -> None:

@@ -206,7 +206,7 @@ class ReplaySolver:
         return self._busy.pop(0) if self._busy else False
 
     def continue_live(self, solver: SharedSolver) -> None:
-        """Let a solver solve from now on, and the problem whose result is pending."""
+        """Let a solver solve from now on, also the pending problem."""
         self._live = solver
         if self._problem is not None:
             solver.request(self._problem)
