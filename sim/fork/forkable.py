@@ -156,7 +156,7 @@ class Forkable:
         run = partial(
             _ForkedRun,
             end_s=self._log.now_s,
-            extends=change not in (Change(), _assumption(change)),
+            extends=change != (Change() if self.has_world else _assumption(change)),
             noise=None if seed is None else (at_s or 0.0, seed),
         )
         with ExitStack() as stack:

@@ -70,7 +70,7 @@ def rank(
     recorded: ForkRun,
     unchanged: ForkRun,
     settings: Settings,
-    scores: Callable[[Sequence[tuple[Change, int | None]]], Sequence[float]],
+    scores: Callable[[Sequence[Change], float], Sequence[float]],
 ) -> list[Hypothesis]:
     """Return all hypotheses, the best first.
 
@@ -78,20 +78,23 @@ def rank(
         recorded: the recording.
         unchanged: its fork without a fault.
         settings: settings of the run; they determine the faults that the rover can have.
-        scores: returns the `score` of a fork with each change.
+        scores: returns the `score` of a fork at a time with each change.
     """
+    departs_s = _departs_s(recorded, unchanged)
+    begin_s = max(0.0, departs_s - LEAD_S)
+    # All forks begin before the first fault: a later fork would follow the recording for longer.
+    at_s = max(0.0, begin_s + REFINED * min(BEGINS_S))
 
     def tried(faults: Sequence[AddedFault]) -> list[Hypothesis]:
-        found = scores([(Change(faults=(each,)), None) for each in faults])
+        found = scores([Change(faults=(each,)) for each in faults], at_s)
         return [Hypothesis(each, score) for each, score in zip(faults, found, strict=True)]
 
-    begin_s = max(0.0, _departs_s(recorded, unchanged) - LEAD_S)
     ranked = tried([AddedFault(each, begin_s) for each in possible_faults(settings)])
     for _ in range(REFINED):
         ranked.sort(key=lambda each: each.score)
         known = [each.fault for each in ranked]
         others = [other for each in known[:REFINED] for other in _others(each)]
-        ranked += tried([each for each in others if each not in known])
+        ranked += tried([e for e in others if e not in known and e.begin_s <= departs_s])
     return sorted(ranked, key=lambda each: each.score)
 
 

@@ -274,8 +274,12 @@ def save(path: Path, seeds: Sequence[int]) -> SaveAnswer:
     unchanged, fidelity = forkable.unchanged(None)
     ranked: list[Hypothesis] = []
     if fidelity is Fidelity.DIFFERENT:
-        fork = _forks(forkable, lambda run: score(recorded, run), inf)
-        ranked = rank(recorded, unchanged, forkable.settings, fork)[:SHOWN]
+
+        def scores(changes: Sequence[Change], at_s: float) -> list[float]:
+            forks = _forks(forkable, lambda run: score(recorded, run), inf, at_s=at_s)
+            return forks([(each, None) for each in changes])
+
+        ranked = rank(recorded, unchanged, forkable.settings, scores)[:SHOWN]
         if ranked[0].score > EXPLAINED:
             return SaveAnswer(str(path), fidelity, tuple(ranked), None)
     faults = tuple(each.fault for each in ranked[:1])
@@ -295,6 +299,7 @@ def _forks(
     judged: Callable[[ForkRun], T],
     refused: T,
     faults: tuple[AddedFault, ...] = (),
+    at_s: float | None = None,
 ) -> Callable[[Sequence[Trial]], list[T]]:
     """Return a function that makes forks in a process on each core, and judges them there.
 
@@ -305,7 +310,7 @@ def _forks(
         change, seed = trial
         changed = replace(change, faults=(*change.faults, *faults), seed=seed)
         try:
-            return judged(forkable.fork(changed))
+            return judged(forkable.fork(changed, at_s))
         except SettingsError:
             return refused
 

@@ -55,8 +55,9 @@ def test_a_command_that_the_fork_lacks_counts_as_another_stage() -> None:
 def test_the_best_faults_are_refined_by_their_begin_and_their_figures() -> None:
     tried: list[AddedFault] = []
 
-    def scores(trials: Sequence[tuple[Change, int | None]]) -> list[float]:
-        (faults,) = zip(*(change.faults for change, _ in trials), strict=True)
+    def scores(changes: Sequence[Change], at_s: float) -> list[float]:
+        (faults,) = zip(*(change.faults for change in changes), strict=True)
+        assert all(at_s <= each.begin_s <= 2.65 for each in faults)  # where the odometry departs
         tried.extend(faults)
         return [distance(each) for each in faults]
 
@@ -76,6 +77,6 @@ def test_the_best_faults_are_refined_by_their_begin_and_their_figures() -> None:
 
 def test_equal_odometry_puts_the_fault_to_the_end_of_the_command() -> None:
     recorded = run("FAILED", "BATTERY_LOW", 3.0)
-    ranked = rank(recorded, UNCHANGED, JACKAL, lambda trials: [1.0] * len(trials))
+    ranked = rank(recorded, UNCHANGED, JACKAL, lambda changes, _: [1.0] * len(changes))
     begins_s = {each.fault.begin_s for each in ranked}
     assert 2.8 in begins_s

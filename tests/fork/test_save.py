@@ -115,6 +115,13 @@ def test_a_run_is_saved_only_if_nothing_else_is_worse(stuck: Path) -> None:
     assert judge(failed, recorded, repaired).text == "2 contacts"
 
 
+def test_a_fork_with_another_seed_continues_until_its_commands_end(tmp_path: Path) -> None:
+    play(tmp_path, "motion_forward", "duration=1.4", "command.go.distance=0.6")
+    forkable = Forkable(tmp_path / "run.mcap")
+    assert [each.stage for each in forkable.recorded.outcome.commands] == ["STARTED"]
+    assert [each.stage for each in forkable.fork(Change(seed=3)).outcome.commands] == ["EXECUTED"]
+
+
 def test_a_recording_without_a_failure_and_other_options_are_refused(tmp_path: Path) -> None:
     play(tmp_path, "motion_forward", *FORWARD)
     done = save(tmp_path / "run.mcap")
