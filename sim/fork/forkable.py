@@ -1,13 +1,14 @@
 """`Forkable` makes forks of a recording, which is read once; `whatif` answers a question by them.
 
-A fork is the recorded scenario again: from its first entry on, with the recorded settings, ledger,
-world, seed, commands and faults, and with the changes. Up to the first decision that differs it is
-the recorded run to the last bit.
+A fork of a scenario in lock step runs it again from its first entry on, with the recorded settings,
+ledger, world, seed, commands and faults, and with the changes. Up to the first decision that
+differs it is the recorded run to the last bit. Other recordings are replayed up to that decision,
+and continued (`sim.fork.continued`).
 """
 
 import tempfile
 from bisect import bisect_left
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from functools import cached_property, partial
@@ -232,16 +233,11 @@ class Forkable:
         except ValueError as error:
             raise SettingsError(f"the rover cannot be simulated from there: {error}") from error
         record = Record(self._log.utc_s, folder)
-        played = [i for i, time_s in self._played_s.items() if time_s <= lock.time_s + ALMOST_S]
-        known, began_s = identities(self.timeline), lock.time_s
-        for index, identity in known.items():
-            entry = self.timeline[index]
-            if index in played and isinstance(entry, Send):
-                sent = SentCommand(entry.name, identity, self._played_s[index], Answer.ACCEPTED)
-                record.sendings.append(sent)
+        began_s, core_s = lock.time_s, self._log.core_s or 0.0
+        played = {i: s for i, s in self._played_s.items() if s <= began_s + ALMOST_S}
         forked = run(scenario, lock, record)
-        for index in played:
-            sink.put(TimelinePlayed(self._played_s[index] + (self._log.core_s or 0.0), index))
+        for index, time_s in played.items():
+            sink.put(TimelinePlayed(time_s + core_s, index))
         forked.continue_behind(played, self._log.contacts_s)
         record.contacts, record.simulated_s = lock.rover.contacts, lock.time_s
         lock.executive.simulate_crash()
@@ -293,23 +289,22 @@ class Forkable:
         items, core_s = self._log.simulation, self._log.core_s or 0.0
         for item in items:
             if isinstance(item, TimelineStarted):
+                timeline = read_timeline(item.text)
                 played = (each for each in items if isinstance(each, TimelinePlayed))
-                return read_timeline(item.text), {e.index: e.time_s - core_s for e in played}
+                known = (each for each in played if 0 <= each.index < len(timeline))
+                return timeline, {each.index: each.time_s - core_s for each in known}
         sent = sorted([*self._log.sent, *self._events()], key=lambda each: each.at_s or 0.0)
         return tuple(sent), {index: each.at_s or 0.0 for index, each in enumerate(sent)}
 
     def _events(self) -> Iterator[Entry]:
+        core_s = self._log.core_s or 0.0
         for item in self._log.simulation:
-            if isinstance(item, SimulatedFaultChanged):
-                fault, at_s = fault_of(item), item.time_s - (self._log.core_s or 0.0)
-                injects = item.injected
-                yield (
-                    Inject(at_s=at_s, inject=fault)
-                    if injects
-                    else Clear(at_s=at_s, clear=type(fault))
-                )
-            elif isinstance(item, CargoChanged):
-                yield Cargo(at_s=item.time_s - (self._log.core_s or 0.0), cargo_kg=item.mass_kg)
+            if isinstance(item, CargoChanged):
+                yield Cargo(at_s=item.time_s - core_s, cargo_kg=item.mass_kg)
+            elif isinstance(item, SimulatedFaultChanged):
+                fault, at_s = fault_of(item), item.time_s - core_s
+                ends = Clear(at_s=at_s, clear=type(fault))
+                yield Inject(at_s=at_s, inject=fault) if item.injected else ends
 
 
 class _ForkedRun(LockstepRun):
@@ -335,11 +330,19 @@ class _ForkedRun(LockstepRun):
         self._until_s, self._extends, self._noise = end_s - ALMOST_S, extends, noise
         self._contacts_s: Sequence[float] | None = None
 
-    def continue_behind(self, played: Collection[int], contacts_s: Sequence[float]) -> None:
-        """Run from the present time on, without the entries that were carried out before.
+    def continue_behind(self, played: Mapping[int, float], contacts_s: Sequence[float]) -> None:
+        """Run from the present time on.
 
-        The ground is in contact when it was in the recording, at `contacts_s`.
+        Args:
+            played: entries that were carried out before, and their times.
+            contacts_s: times of contacts with the ground in the recording, and so in the fork.
         """
+        for index, time_s in played.items():
+            entry = self._entries[index]
+            if isinstance(entry, Send):
+                label, command = self._ground.command(entry, self._record.start_utc_s + time_s)
+                sent = SentCommand(label, command.identity, time_s, Answer.ACCEPTED)
+                self._record.sendings.append(sent)
         self._timeline.leave_out(played)
         self._contacts_s = contacts_s
         self.run()
