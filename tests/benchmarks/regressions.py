@@ -89,7 +89,7 @@ def _scaled(law: type[DriveLaw] | type[TurnLaw], factor: float) -> Any:
 
 
 def _without_monitor(name: str) -> Any:
-    return patch.dict(MONITORS, {name: lambda *_: None})  # type: ignore[arg-type]
+    return patch.dict(MONITORS, {name: lambda *_: None})
 
 
 PLANTS: Final = (
