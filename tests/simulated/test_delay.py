@@ -83,7 +83,7 @@ class Session:
         return self.times_s[name] - self.times_s[begun]
 
 
-@pytest.mark.parametrize("round_trip_s", [10.0, 300.0])
+@pytest.mark.parametrize("round_trip_s", [10.0, pytest.param(300.0, marks=pytest.mark.slow)])
 def test_a_client_commands_and_stops_over_any_light_time(round_trip_s: float) -> None:
     """The rover would stop by itself after 5 s without a contact: heartbeats do not wait."""
     session, below = Session(round_trip_s), RoverBelow()

@@ -199,15 +199,15 @@ class RoverLink:
         )
         async with client:
             notifications = client.notifications()  # before the first await, so that none is missed
-            queries = client.get_asset(), client.list_definition()
-            self.info, definitions = await asyncio.gather(*queries)
+            self.info, definitions, telemetry = await asyncio.gather(
+                client.get_asset(), client.list_definition(), self._subscribed(client.telemetry)
+            )
             self.preconditions = await client.supports_preconditions()
             relayed = any(each.name == NEXT_CONTACT for each in definitions)
             self.kind = LinkKind.RELAY if relayed else LinkKind.DIRECT
             self.client, self._was_up = client, True
             try:
                 self._listener.on_asset(self, definitions)
-                telemetry = await self._subscribed(client.telemetry)
                 self._set_state(LinkState.UP, "")
                 await self._listen(client, notifications, telemetry)
             finally:
