@@ -17,6 +17,8 @@ IN_2_SIGMA: Final = Goal(0.9, at_least=True)
 ON_PATH: Final = Goal(0.99, at_least=True)
 GAIN: Final = Goal(1.3, at_least=True)
 NO_CONTACT: Final = Goal(0.0)
+MIN_PAIRS: Final = 10
+"""Minimum number of sites for the gain to have a goal: that of one site is chance."""
 H_S: Final = 3600.0
 
 
@@ -83,10 +85,11 @@ def _gains(played: list[Played], waited: list[Played]) -> list[Figure]:
     waiting = median(LENGTH_M * H_S / other_s for _, other_s, _ in pairs)
     contacts = sum(each.contacts for each in waited)
     beside = f"{len(pairs)} sites of {len(played)}; the others were not crossed by both"
+    goal = GAIN if len(pairs) >= MIN_PAIRS else None
     return [
         Figure("10 s: committed path", pace, "m/h", beside),
         Figure("10 s: moving and waiting", waiting, "m/h", beside),
-        Figure("10 s: gain, median", gain(stuck=False), "", "where nothing sticks", GAIN),
+        Figure("10 s: gain, median", gain(stuck=False), "", "where nothing sticks", goal),
         Figure("10 s: gain, median, stuck", gain(stuck=True), "", "where wheels stick for 1.5 s"),
         Figure("10 s: contacts, moving and waiting", contacts, "", "", NO_CONTACT),
     ]
