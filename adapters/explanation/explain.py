@@ -312,8 +312,9 @@ class _CommandExplainer:
         if end.cause is not None and end.cause in self._histories:
             cause = self._histories[end.cause]
             yield from _received_text(cause)
-            if end.reason is Reason.PRECONDITION_COMMAND and cause.end is not None:
-                yield ExplanationStep(cause.end.utc_s, _ending(cause))
+            failed = cause.end if cause.report_at(Stage.ACCEPTED) is not None else None
+            if end.reason is Reason.PRECONDITION_COMMAND and failed is not None:
+                yield ExplanationStep(failed.utc_s, _ending(cause))
         then = situation_at(self._history, end.utc_s)
         if end.reason in _OF_MODE and then is not None:
             yield ExplanationStep(then.utc_s, f"the rover was {_situation_text(then)}")

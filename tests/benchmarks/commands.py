@@ -407,6 +407,15 @@ def forks(count: int, seed: int) -> "list[Figure]":
     return forks.measure(count, count, seed, log)
 
 
+@benchmark("preconditions --sites 2", count("--sites", 30))
+def preconditions(count: int) -> "list[Figure]":
+    """Relative commands, 15 % of them lost: contacts and pace with preconditions and without?"""
+    from tests.benchmarks import preconditions
+
+    log(f"preconditions: {count} sites ...")
+    return preconditions.measure(count, log)
+
+
 @benchmark("fuzz --messages 50000", count("--messages", 1_000_000), SEED)
 def fuzz(count: int, seed: int) -> "list[Figure]":
     """Wrong messages against living providers: does any promise break? (about 4 minutes)."""

@@ -13,10 +13,13 @@ from executive.commands import (
     DeleteFile,
     ExecuteAction,
     FollowPath,
+    Mode,
     MoveFile,
     MoveForward,
     MoveTo,
+    OnlyAt,
     PlanDefinition,
+    Precondition,
     Request,
     Resume,
     SetCameraAngles,
@@ -63,6 +66,11 @@ def _confirmed_in_part(bench: Bench) -> None:
         bench.submit(ConfirmPose(left_m, 0.0), number)
         bench.run(0.2)
     bench.submit(MoveTo(Waypoint(1.0, 0.0)), 1)
+
+
+def _after_a_refused_one(bench: Bench) -> None:
+    bench.submit(MoveForward(1e6), 2)
+    bench.submit(MoveForward(1.0), 1, precondition=Precondition(after=2))
 
 
 def _old(bench: Bench) -> None:
@@ -393,6 +401,25 @@ CASES: Final = (
         "MOE:1",
         Reason.POSE_UNCERTAIN,
         "MOE requested confirmPose",
+    ),
+    _refused(
+        Reason.PRECONDITION_POSE,
+        MoveForward(1.0),
+        "only at x 2.00 m, y 0.00 m within 0.5 m, but 2.00 m away",
+        precondition=Precondition(at=OnlyAt(2.0, 0.0, 0.5)),
+    ),
+    Case(
+        "refused PRECONDITION_COMMAND",
+        _after_a_refused_one,
+        "MOE:1",
+        Reason.PRECONDITION_COMMAND,
+        "MOE:2 was refused: distance 1e+06 m is above",
+    ),
+    _refused(
+        Reason.PRECONDITION_MODE,
+        MoveForward(1.0),
+        "the rover was IDLE",
+        precondition=Precondition(mode=Mode.MOVING),
     ),
     Case("refused BATTERY_INSUFFICIENT", _short, "MOE:1", Reason.BATTERY_INSUFFICIENT),
     Case(

@@ -22,7 +22,10 @@ from executive.commands import (
     Command,
     DriveFor,
     ExecuteAction,
+    Mode,
     MoveForward,
+    OnlyAt,
+    Precondition,
     Request,
     Resume,
     SetTravelSpeed,
@@ -376,8 +379,15 @@ class Recording:
             tape=self.tape,
         )
 
-    def submit(self, number: int, request: Request, authority: int | None = None) -> None:
-        command = Command(Identity("MOE", number), request, "direct", authority=authority)
+    def submit(
+        self,
+        number: int,
+        request: Request,
+        authority: int | None = None,
+        only: Precondition | None = None,
+    ) -> None:
+        identity = Identity("MOE", number)
+        command = Command(identity, request, "direct", authority=authority, precondition=only)
         self.executive.submit(command, lambda _: None)
 
     def step(self) -> None:
@@ -386,6 +396,21 @@ class Recording:
         fact = Odometry(self.clock.now_s(), self.rover.pose, self.rover.velocity)
         self.executive.observe(fact)
         self.executive.tick()
+
+
+def test_preconditions_are_replayed(tmp_path: Path) -> None:
+    made = Recording(tmp_path)
+    made.step()
+    made.submit(1, MoveForward(0.2), only=Precondition(OnlyAt(0.0, 0.0, 0.5, 0.0, 0.1)))
+    made.submit(2, MoveForward(0.1), only=Precondition(after=1, mode=Mode.MOVING))
+    made.submit(3, MoveForward(0.1), only=Precondition(OnlyAt(9.0, 0.0, 0.5)))
+    for _ in range(60):
+        made.step()
+    ends = [each.stage for each in made.executive.reports() if each.stage and each.stage.terminal]
+    assert ends == [Stage.REJECTED, Stage.EXECUTED, Stage.EXECUTED]
+    made.executive.close()
+    made.tape.close()
+    assert replay(made.path).difference is None
 
 
 def test_overtaking_stops_and_events_of_others_are_replayed(tmp_path: Path) -> None:

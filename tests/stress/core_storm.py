@@ -12,7 +12,7 @@ from pathlib import Path
 from random import Random
 from typing import Final
 
-from executive.commands import Mode
+from executive.commands import Mode, OnlyAt, Precondition
 from executive.commands.catalogue import Command, PreemptionPolicy, Stop
 from executive.settings import MIN_REPORTS, Settings
 from executive.values.geometry import STANDING
@@ -133,7 +133,15 @@ class Storm:
             created_utc_s=self.lockstep.clock.utc_s(),
             lifetime_s=random.choice((None, None, random.uniform(0.0, 5.0))),
             preemption=random.choice(tuple(PreemptionPolicy)),
+            precondition=random.choice((None, None, None, self._precondition())),
         )
+
+    def _precondition(self) -> Precondition:
+        random = self.random
+        at = OnlyAt(random.uniform(-3.0, 3.0), random.uniform(-3.0, 3.0), random.uniform(0.1, 5.0))
+        after = self.sent[-1].identity.command_id or None if self.sent else None
+        mode = random.choice(tuple(Mode))
+        return random.choice((Precondition(at), Precondition(after=after), Precondition(mode=mode)))
 
 
 def measure(settings: Settings, count: int, seed: int, log: Log) -> list[Figure]:

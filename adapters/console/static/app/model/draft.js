@@ -14,7 +14,7 @@ const REARM_MS = 1000;
 const MOVED_M = 0.05;
 const MOVED_RAD = 0.035;
 const REFRESH_MS = 2000;
-/** Bounds of the precondition "where it is shown"; chosen. Measured: python -m tests.benchmarks.preconditions. */
+/** Bounds of the precondition "where it is shown"; chosen. `rover bench preconditions` measures them. */
 export const SHOWN_M = 0.5;
 export const SHOWN_RAD = 0.2;
 const MOVING_MODES = ["MOVING", "TELEOP", "PLAN"];

@@ -1,0 +1,137 @@
+"""Relative commands behind a delay that loses some of them, with and without preconditions.
+
+Plays the random sites of `delayed_sites` at a round trip of 10 s, with 15 % of the commands lost.
+With preconditions a lost command leaves the rover at a planned pose: the operator sends the rest of
+the path again, from the lost command on. Without them the pose is unknown until all commands have
+ended, and the operator waits for the next picture.
+"""
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+from adapters.twin.twin import REPORT_MARGIN_S
+from executive.commands import OnlyAt, Precondition, Request, RotateBy
+from executive.values.geometry import Pose
+from executive.values.reasons import Reason
+from executive.values.reports import Identity, Stage
+from tests.benchmarks.delayed_sites import LENGTH_M, Mission, Played
+from tests.support.figures import Figure, Goal
+
+ROUND_TRIP_S: Final = 10.0
+LOSS: Final = 0.15
+WITHIN_M, WITHIN_RAD = 0.5, 0.2
+"""Bounds of the pose, as in the console."""
+MIN_TURN_RAD: Final = 0.02
+REFUSED: Final = {Reason.PRECONDITION_POSE, Reason.PRECONDITION_COMMAND}
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """A motion of the plan, and its planned start pose."""
+
+    request: Request
+    begin: Pose
+
+
+class Relative(Mission):
+    """An operator who sends no turn that is within the tolerance of a turn."""
+
+    def _send_motion(self, request: Request, begin: Pose) -> None:
+        if not isinstance(request, RotateBy) or abs(request.angle_rad) > MIN_TURN_RAD:
+            super()._send_motion(request, begin)
+
+
+class Resending(Relative):
+    """An operator who chains the commands, and sends the rest of a broken chain again."""
+
+    _legs: dict[Identity, Leg]
+    _last: Identity | None
+
+    def _send_motion(self, request: Request, begin: Pose) -> None:
+        if isinstance(request, RotateBy) and abs(request.angle_rad) <= MIN_TURN_RAD:
+            return
+        if not self._motions:
+            self._legs, self._last = {}, None
+        at = OnlyAt(begin.x_m, begin.y_m, WITHIN_M, begin.heading_rad, WITHIN_RAD)
+        after = None if self._last is None else self._last.command_id
+        identity = self.link.send(request, precondition=Precondition(at, after))
+        self._motions[identity] = self.link.utc_s
+        self._legs[identity], self._last = Leg(request, begin), identity
+
+    def _follow_up(self) -> None:
+        ended = (each for each in self._motions if self._is_broken(each) or self._has_ended(each))
+        broken = next(ended, None)
+        if broken is None or not self._is_broken(broken):
+            super()._follow_up()
+            return
+        sent = list(self._motions)
+        kept, rest = sent[: sent.index(broken)], sent[sent.index(broken) :]
+        legs = [self._legs[each] for each in rest]
+        self._last = kept[-1] if kept else self._executed_before(broken)
+        for identity in rest[1:]:
+            del self._motions[identity]
+        for leg in legs:  # the broken one is still there: the chain goes on
+            self._send_motion(leg.request, leg.begin)
+        del self._motions[broken]
+        self.played.refused += len(rest)
+
+    def _has_ended(self, identity: Identity) -> bool:
+        stages = self.link.stages(identity)
+        return bool(stages) and stages[-1].terminal
+
+    def _executed_before(self, broken: Identity) -> Identity | None:
+        """Return the command that a broken one was to follow."""
+        command = next(each for each, _ in self.link.sent if each.identity == broken)
+        after = command.precondition.after if command.precondition else None
+        return None if after is None else replace(broken, command_id=after)
+
+    def _is_broken(self, identity: Identity) -> bool:
+        """Whether a command is known to be lost, or was refused by its precondition."""
+        reports = [each for each in self.link.received if each.identity == identity]
+        if reports:
+            return reports[-1].stage is Stage.REJECTED and reports[-1].reason in REFUSED
+        late_s = self._motions[identity] + ROUND_TRIP_S + REPORT_MARGIN_S
+        later = [each for each in self._motions if each.command_id > identity.command_id]
+        return self.link.utc_s > late_s or any(map(self.link.stages, later))
+
+
+def measure(sites: int, log: Callable[[str], None]) -> list[Figure]:
+    """Return contacts and pace over the first sites, with preconditions and without."""
+    played: dict[type[Mission], list[Played]] = {Relative: [], Resending: []}
+    for number in range(1, sites + 1):
+        for kind, missions in played.items():
+            missions.append(play(number, kind))
+            found = missions[-1]
+            text = f"{found.lost} commands lost, {found.refused} sent again"
+            duration_s = "no goal" if found.duration_s is None else f"{found.duration_s:.0f} s"
+            log(f"site {number}, {kind.__name__}: {duration_s}, {found.contacts} contacts, {text}")
+    without, chained = played.values()
+    both = [
+        (one.duration_s, other.duration_s)
+        for one, other in zip(without, chained, strict=True)
+        if one.duration_s is not None and other.duration_s is not None
+    ]
+    paces = [LENGTH_M * 3600.0 * len(both) / sum(each) for each in zip(*both, strict=True)]
+    goal = Goal(0.95, at_least=True)
+    return [
+        Figure(
+            "preconditions: contacts", sum(each.contacts for each in chained), "", goal=Goal(0.0)
+        ),
+        Figure("without: contacts", sum(each.contacts for each in without), ""),
+        Figure("without: sites with contacts", sum(each.contacts > 0 for each in without), ""),
+        Figure("preconditions: pace", paces[1], "m/h"),
+        Figure("without: pace", paces[0], "m/h"),
+        Figure("preconditions: pace, of that without", paces[1] / paces[0], "ratio", goal=goal),
+        Figure("sites where both reach the goal", len(both), "", goal=Goal(sites, at_least=True)),
+    ]
+
+
+def play(number: int, kind: type[Mission]) -> Played:
+    """Play a site with relative commands; the twin predicts nothing."""
+    with tempfile.TemporaryDirectory() as folder:
+        mission = kind(number, Path(folder), ROUND_TRIP_S, relative=True, loss=LOSS, stuck=False)
+        mission._next_prediction_s = 1e9
+        return mission.play()
