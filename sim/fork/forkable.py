@@ -37,6 +37,7 @@ from executive.core.recording import (
     TimelinePlayed,
     TimelineStarted,
 )
+from executive.record import LedgerError
 from executive.settings import LocomotionKind, Settings, SettingsError
 from executive.values.geometry import Pose
 from sim.fork.changed import changed_settings, changed_timeline, identities
@@ -80,7 +81,7 @@ class Forkable:
     """
 
     def __init__(self, path: Path, exact: bool = True) -> None:
-        reader = RunReader(path)
+        self._path, reader = path, RunReader(path)
         self._steps = tuple(read_entries(reader))
         self._log = log = RunLog.read(self._steps, reader)
         starts = [each for each in log.simulation if isinstance(each, ProcessStart)]
@@ -169,11 +170,15 @@ class Forkable:
                 raise SettingsError(f"files of the fork: {error}") from error
             sink = log if tape is None else RecordingTee(log, tape)
             placing = Placing.PHYSICS
-            if self._simulation and TimelineStarted in self._log.kinds:
-                start_utc_s = self._log.utc_s
-                record = run_in_lock_step(scenario, folder, sink, start_utc_s=start_utc_s, run=run)
-            else:
-                record, placing, at_s = self._continue(scenario, change, at_s, folder, sink, run)
+            utc_s, played = self._log.utc_s, TimelineStarted in self._log.kinds
+            try:
+                if self._simulation and played:
+                    record = run_in_lock_step(scenario, folder, sink, start_utc_s=utc_s, run=run)
+                else:
+                    args = scenario, change, at_s, folder, sink, run
+                    record, placing, at_s = self._continue(*args)
+            except LedgerError as error:
+                raise RecordingError(f"{self._path}: {error}") from error
         difference = first_difference(self._log, log)
         outcome = ForkOutcome(
             at_s=difference.time_s if difference and at_s is None else at_s,

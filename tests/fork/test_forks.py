@@ -13,6 +13,7 @@ from executive.commands import MoveForward, PreemptionPolicy, Stop
 from executive.core.recording import (
     Entry,
     FactObserved,
+    ProcessStart,
     SimulationItem,
     SimulationStarted,
     SimulationState,
@@ -209,6 +210,18 @@ def test_a_fork_of_a_rover_is_forked_again(tmp_path: Path) -> None:
     assert stages(fork)["MOE:1"] == "CANCELLED STOPPED"
     without = Change(dropped=(Identity("MOE", 2),))
     assert stages(Forkable(tmp_path / "fork.mcap").fork(without).outcome) == {"MOE:1": "EXECUTED"}
+
+
+def test_a_damaged_ledger_in_a_recording_is_an_error_of_the_recording(
+    stuck: Path, tmp_path: Path
+) -> None:
+    path, reader = tmp_path / "damaged.mcap", RunReader(stuck)
+    with closing(RunFile(path)) as file:
+        for item in map(reader.decoded, reader.messages()):
+            damaged = isinstance(item, ProcessStart)
+            file.put(replace(item, ledger=item.ledger[:2000] * 4) if damaged else item)
+    with pytest.raises(RecordingError, match=r"damaged\.mcap: ledger"):
+        Forkable(path).unchanged()
 
 
 def test_a_restart_occurs_as_recorded(tmp_path: Path) -> None:

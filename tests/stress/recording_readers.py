@@ -26,10 +26,12 @@ from adapters.recording import RecordingError, complete, frames
 from adapters.recording.commands import replay
 from adapters.system import OPERATING_SYSTEM
 from sim.calibration.commands import calibrate
+from sim.fork.commands import whatif
 from sim.plot.commands import plot
 
 MAX_CPU_S: Final = 5.0
-MAX_MB: Final = 100.0
+MAX_MB: Final = 150.0
+"""The simulation of a fork takes up to 114 MB; measured with 800 wrong recordings."""
 PATIENCE: Final = 4.0
 """Times `MAX_CPU_S` after which a reader is interrupted."""
 REFUSED: Final = 2
@@ -116,6 +118,7 @@ READERS: Final[dict[str, Reader]] = {
     "complete": _completed,
     "console": _console,
     "plot": _command(plot, "{path}", "--out", "{folder}/plot.svg"),
+    "whatif": _command(whatif, "{path}"),
     "bag": _command(bag, "{path}", "{folder}/bag"),
 }
 
