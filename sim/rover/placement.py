@@ -1,4 +1,4 @@
-"""`Placement`: state of another run, from which a simulated rover continues."""
+"""`Placement`: state of another run, which a simulated rover continues."""
 
 from dataclasses import dataclass
 

@@ -78,7 +78,7 @@ def changes(run: Forkable, random: Random) -> Iterator[Change]:
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """A fork whose world is not known, and the scenario itself under the same change.
+    """A fork in an unknown world, and the scenario itself under the same change.
 
     Attributes:
         kind, reason: whether each command ends in the same stage, and for the same reason too.

@@ -60,7 +60,7 @@ def follow(
     exact: bool = True,
     has_truth: bool = True,
 ) -> Followed:
-    """Replay a recording, place a rover at a time, and give it the further recorded commands."""
+    """Replay a recording, start a rover at a time, and give it the further recorded commands."""
     (simulation,) = (Simulation.of(each) for each in items if isinstance(each, SimulationStarted))
     found, core, rover = Followed(), None, None
     for number, step in enumerate(steps_of(items)):

@@ -81,7 +81,7 @@ GROUPS = tuple(ALL[start::5] for start in range(5))
         *(in_full((each,), world) for each, world in zip(ALL, cycle((HILLS, FLAT)))),
     ],
 )
-def test_a_restored_rover_goes_on_bit_for_bit(
+def test_a_restored_rover_continues_bit_for_bit(
     group: tuple[SimulatedFault, ...], world: World
 ) -> None:
     random = Random(str(group))
@@ -107,7 +107,7 @@ def test_a_restored_rover_goes_on_bit_for_bit(
 
 
 def _state(value: Any) -> str:
-    """Return the state of plain data; that of MuJoCo and of functions is not looked at."""
+    """Return the state of plain data, not of MuJoCo and of functions."""
     match value:
         case np.random.Generator():
             return repr(value.bit_generator.state)
@@ -169,7 +169,7 @@ BEHIND = {
 
 
 def test_every_attribute_that_changes_is_declared(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whoever adds one without declaring it learns its name here."""
+    """An attribute that is added and not declared is named here."""
     rover = _rover(HILLS)
     before, changed = _attributes(rover), set[str]()
     for fault in ALL:
