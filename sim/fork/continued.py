@@ -27,6 +27,7 @@ from executive.core.runner import Executive
 from executive.settings import Settings
 from executive.values.clock import ManualClock
 from executive.values.facts import (
+    Battery,
     EmergencyStop,
     ExternalAuthorityUse,
     ExternalCommandEnded,
@@ -34,9 +35,11 @@ from executive.values.facts import (
     ExternalStop,
     Fact,
     ForeignPublishers,
+    LaserScan,
     MapToOdom,
     Odometry,
     RejectedData,
+    SecondOdometry,
 )
 from sim.fork.model import Placing
 from sim.fork.placing import PlacedRover
@@ -56,6 +59,8 @@ _OTHERS: Final = (
     MapToOdom,
 )
 """Facts that neither rover nor decisions cause: they occur in a fork as recorded."""
+MAX_LATENCY_S: Final = 1.0
+"""Maximum time from a measurement to its arrival: twice that of the second odometry."""
 TICK: Final = "/in/tick"
 
 
@@ -66,8 +71,8 @@ class Seam:
     Attributes:
         simulation: world and seed of the simulation.
         exact, same_ground: see `PlacedRover`.
-        late: whether odometry arrives when it did in the recording, with its age: for a rover at
-            work; its faults are not known.
+        late: whether odometry arrives when it did in the recording, with its age, and the battery
+            is the recorded one: for a rover at work; its faults are not known.
         latest_s: latest time, since the first entry; an earlier difference is earlier.
     """
 
@@ -146,11 +151,17 @@ class ContinuedLockStep(LockStep):
         found, now_s = self._placed.facts(), self.clock.core_s
         if self._seam.late and now_s <= self._until_s:
             self._measured += (each for each in found if isinstance(each, Odometry))
-            found = [each for each in found if not isinstance(each, Odometry)]
+            found = [each for each in found if not isinstance(each, Odometry | Battery)]
         while self._others and self._others[0].now_s <= now_s + ALMOST_S:
             fact = self._others.popleft().fact
             found += self._odometry(fact) if isinstance(fact, Odometry) else [fact]
         return found
+
+    def _is_recorded(self, fact: Fact, until_s: float) -> bool:
+        """Return whether a fact after the seam is that of the recording, at least its arrival."""
+        if isinstance(fact, SecondOdometry | LaserScan):  # measured before, on its way
+            return not self._seam.exact and until_s - MAX_LATENCY_S < fact.stamp_s <= until_s
+        return isinstance(fact, (*_OTHERS, Odometry, Battery) if self._seam.late else _OTHERS)
 
     def _odometry(self, recorded: Odometry) -> list[Fact]:
         """Return the measured odometry for a recorded one: of its age, repeated if that was."""
@@ -176,11 +187,10 @@ class ContinuedLockStep(LockStep):
         executive.wake = self._wake
         self._seen = self  # type: ignore[assignment]
         following = (each.entry for each in entries if each.entry.now_s > until_s + ALMOST_S)
-        kinds = (*_OTHERS, Odometry) if self._seam.late else _OTHERS
         self._others = deque(
             each
             for each in following
-            if isinstance(each, FactObserved) and isinstance(each.fact, kinds)
+            if isinstance(each, FactObserved) and self._is_recorded(each.fact, until_s)
         )
         self._until_s = entries[-1].entry.now_s
         self._steps = round((until_s - began_s) / tick_s) * round(tick_s / STEP_S)

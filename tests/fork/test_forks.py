@@ -233,14 +233,23 @@ def test_a_restart_occurs_as_recorded(tmp_path: Path) -> None:
     assert "FAILED INTERRUPTED" in stages(fork.outcome).values()
 
 
-def test_odometry_of_a_rover_arrives_as_recorded(tmp_path: Path) -> None:
-    fault = "inject={odometry_lost, at: 2, for: 0.6}"
-    play(tmp_path, "motion_forward", "duration=4", fault)
+@pytest.mark.parametrize(
+    ("fault", "reason"),
+    [
+        ("{odometry_lost, at: 2, for: 0.6}", "ODOMETRY_STALE"),
+        ("{odometry_late: {by: 0.2}, at: 2}", "ODOMETRY_LATE"),
+        ("{battery_low, at: 1.5}", "BATTERY_LOW"),
+    ],
+)
+def test_odometry_and_battery_of_a_rover_arrive_as_recorded(
+    fault: str, reason: str, tmp_path: Path
+) -> None:
+    play(tmp_path, "motion_forward", "duration=3", f"inject={fault}")
     kinds = get_args(SimulationItem)
-    lost = Forkable(rewritten(tmp_path / "run.mcap", tmp_path / "lost.mcap", None, kinds))
-    fork, fidelity = lost.unchanged()
+    unknown = Forkable(rewritten(tmp_path / "run.mcap", tmp_path / "real.mcap", None, kinds))
+    fork, fidelity = unknown.unchanged()
     assert fidelity is Fidelity.SAME_OUTCOMES
-    assert stages(fork.outcome) == {"MOE:1": "FAILED ODOMETRY_STALE"}
+    assert stages(fork.outcome) == {"MOE:1": f"FAILED {reason}"}
 
 
 def test_measured_obstacles_are_the_world_that_a_recording_lacks(tmp_path: Path) -> None:
