@@ -159,7 +159,7 @@ class ContinuedLockStep(LockStep):
 
     def _is_recorded(self, fact: Fact, until_s: float) -> bool:
         """Return whether a fact after the seam is that of the recording, at least its arrival."""
-        if isinstance(fact, SecondOdometry | LaserScan):  # measured before, on its way
+        if isinstance(fact, SecondOdometry | LaserScan):  # measured before the seam
             return not self._seam.exact and until_s - MAX_LATENCY_S < fact.stamp_s <= until_s
         return isinstance(fact, (*_OTHERS, Odometry, Battery) if self._seam.late else _OTHERS)
 
