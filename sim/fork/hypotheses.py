@@ -36,6 +36,8 @@ REFINED: Final = 3
 """Number of the best ones that are refined, this often; chosen."""
 EXPLAINED: Final = 3.0
 """Maximum score of a hypothesis that explains a recording; chosen."""
+DIGITS: Final = 6
+"""Decimal digits of begins and figures, so that none is tried again."""
 OTHER_STAGE: Final = 4.0
 OTHER_REASON: Final = 2.0
 """Scores of another last stage, and of another reason, of a command."""
@@ -81,7 +83,7 @@ def rank(
         scores: returns the `score` of a fork at a time with each change.
     """
     departs_s = _departs_s(recorded, unchanged)
-    begin_s = max(0.0, departs_s - LEAD_S)
+    begin_s = round(max(0.0, departs_s - LEAD_S), DIGITS)
     # All forks begin before the first fault: a later fork would follow the recording for longer.
     at_s = max(0.0, begin_s + REFINED * min(BEGINS_S))
 
@@ -93,7 +95,7 @@ def rank(
     for _ in range(REFINED):
         ranked.sort(key=lambda each: each.score)
         known = [each.fault for each in ranked]
-        others = [other for each in known[:REFINED] for other in _others(each)]
+        others = dict.fromkeys(other for each in known[:REFINED] for other in _others(each))
         ranked += tried([e for e in others if e not in known and e.begin_s <= departs_s])
     return sorted(ranked, key=lambda each: each.score)
 
@@ -115,11 +117,12 @@ def possible_faults(settings: Settings) -> Iterator[SimulatedFault]:
 def _others(fault: AddedFault) -> Iterator[AddedFault]:
     """Yield a fault with other begins, then with other figures within their bounds."""
     for later_s in BEGINS_S:
-        yield replace(fault, begin_s=max(0.0, fault.begin_s + later_s))
+        yield replace(fault, begin_s=round(max(0.0, fault.begin_s + later_s), DIGITS))
     inner: Any = fault.fault
     for each in fault_declaration(type(inner)).parameters:
         for factor in FACTORS if each.kind is float else ():
-            value, (low, high) = getattr(inner, each.field) * factor, bounds(each)
+            value = round(getattr(inner, each.field) * factor, DIGITS)
+            low, high = bounds(each)
             if low <= value <= high:
                 yield replace(fault, fault=replace(inner, **{each.field: value}))
 

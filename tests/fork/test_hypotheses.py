@@ -67,7 +67,7 @@ def test_the_best_faults_are_refined_by_their_begin_and_their_figures() -> None:
 
     ranked = rank(RECORDED, UNCHANGED, JACKAL, scores)
     assert ranked == sorted(ranked, key=lambda each: each.score)
-    assert len(ranked) == len(tried)
+    assert len(ranked) == len(tried) == len({repr(each) for each in tried})
     best = ranked[0].fault.fault
     assert isinstance(best, OdometryDrift)
     assert best.rate_mps == pytest.approx(0.17)
