@@ -167,7 +167,7 @@ STRESS: Final = {
     "plan-traces": {"--plans": (30_000, 500)},
     "plan-kills": {"--kills": (2_000, 60)},
     "plan-days": {"--days": (10, 1)},
-    "predicted-poses": {"--sites": (30, 2)},
+    "predicted-poses": {"--sites": (9, 2)},
     "bundle-kills": {"--kills": (100, 3)},
     "campaign-kills": {"--kills": (20, 2)},
     "kills": {"--kills": (50, 3)},
