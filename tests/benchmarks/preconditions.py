@@ -68,12 +68,12 @@ class Resending(Relative):
             super()._follow_up()
             return
         sent = list(self._motions)
-        kept, rest = sent[: sent.index(broken)], sent[sent.index(broken) :]
+        before, rest = sent[: sent.index(broken)], sent[sent.index(broken) :]
         legs = [self._legs[each] for each in rest]
-        self._last = kept[-1] if kept else self._executed_before(broken)
+        self._last = before[-1] if before else self._executed_before(broken)
         for identity in rest[1:]:
             del self._motions[identity]
-        for leg in legs:  # the broken one is still there: the chain goes on
+        for leg in legs:  # the broken one is still there: the chain continues
             self._send_motion(leg.request, leg.begin)
         del self._motions[broken]
         self.played.refused += len(rest)
