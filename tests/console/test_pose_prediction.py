@@ -1,4 +1,4 @@
-"""On which links a console predicts the pose of a rover, and by what time."""
+"""Links with a predicted pose, and the times of that."""
 
 from types import SimpleNamespace
 from typing import Any, cast
