@@ -233,7 +233,7 @@ def _saved(play: Play, change: Change, seeds: Sequence[int]) -> int:
 
 
 def measure(number: int, seeds: int, seed: int, log: Callable[[str], None]) -> list[Figure]:
-    """Compare both searches over failed runs; log each run in which they differ."""
+    """Compare both searches over failed runs; log each run with a difference."""
     same = savable = exact = 0
     cpu_s = []
     for run in failed_runs(number, seed):
