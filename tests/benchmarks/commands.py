@@ -584,9 +584,9 @@ def relay_drain(commands: int, samples: int, refused: int) -> "list[Figure]":
     return relay_drain.measure(commands, samples, refused, log)
 
 
-@benchmark("predicted-poses --sites 4", count("--sites", 30, least=2))
+@benchmark("predicted-poses --sites 30", count("--sites", 9, least=2))
 def predicted_poses(count: int) -> "list[Figure]":
-    """Predicted poses of a rover behind 2.6, 10 and 300 s, on random sites (about 15 minutes)."""
+    """Predicted poses of a rover behind 2.6, 10 and 300 s, on random sites (about 5 minutes)."""
     from tests.benchmarks import predicted_poses
 
     return predicted_poses.measure(count, log)
