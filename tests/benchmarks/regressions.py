@@ -70,7 +70,6 @@ class Plant:
 class Found:
     """Recordings that decide differently, their first group, and the processor time."""
 
-    plant: Plant
     different: int
     unusable: int
     groups: int
@@ -158,9 +157,11 @@ def measure(recordings: int, folder: Path | None, log: Log) -> list[Figure]:
         # Forked, so that each process plants the changes of the code in its own memory.
         with ProcessPoolExecutor(JOBS, get_context("fork")) as pool:
             found = []
-            for each in pool.map(partial(_find, runs), range(len(PLANTS))):
+            for plant, each in zip(
+                PLANTS, pool.map(partial(_find, runs), range(len(PLANTS))), strict=True
+            ):
                 log(
-                    f"{each.plant.name}: {each.different} of {recordings} differ"
+                    f"{plant.name}: {each.different} of {recordings} differ"
                     f" in {each.groups} groups, {each.cpu_s:.0f} s of CPU; {each.first}"
                 )
                 found.append(each)
@@ -216,20 +217,23 @@ def _find(runs: Path, number: int) -> Found:
         where = f" where {group.first.recorded}" if group.first.recorded else ""
         first = f"{len(group.members)} × {group.first.command}: {group.first.replayed}{where}"
     different = len(found.compared) - found.same - len(found.unusable)
-    return Found(
-        plant, different, len(found.unusable), len(found.groups), first, process_time() - began_s
-    )
+    return Found(different, len(found.unusable), len(found.groups), first, process_time() - began_s)
 
 
 def _figures(found: list[Found], recordings: int) -> list[Figure]:
-    changes = [each for each in found if each.plant.alters]
-    others = [each for each in found if not each.plant.alters]
+    changes = [each for plant, each in zip(PLANTS, found, strict=True) if plant.alters]
+    others = [each for plant, each in zip(PLANTS, found, strict=True) if not plant.alters]
     beside = f"{recordings} recordings of campaigns, lock step"
     goal = Goal(len(changes), at_least=True) if recordings >= WHOLE else None
     cpu_s = sum(each.cpu_s for each in found) / len(found)
-    different = [each.different for each in found if each.plant.alters]
     return [
-        Figure("regressions: changes found", sum(n > 0 for n in different), "", beside, goal),
+        Figure(
+            "regressions: changes found",
+            sum(each.different > 0 for each in changes),
+            "",
+            beside,
+            goal,
+        ),
         Figure("regressions: changes", len(changes), "", beside),
         Figure(
             "regressions: recordings that differ without a change",
