@@ -17,6 +17,7 @@ from adapters.mrs.spec import (
     ServiceDescriptor,
     mrs_specification,
 )
+from adapters.mrs.transport import TransportSettings
 from tests.mrs.aboard import event
 
 REQUESTED = MalUri("tunnel", 5000, "MRS")
@@ -130,9 +131,16 @@ async def next_of(stream: AsyncIterator[ReceivedReport]) -> int:
     return (await asyncio.wait_for(anext(stream), 60.0)).report.sequence
 
 
-def test_calls_and_subscriptions_use_the_addresses_of_the_directory() -> None:
+@pytest.mark.parametrize("round_trip_s", [0.0, 1.0])
+def test_calls_and_subscriptions_use_the_addresses_of_the_directory(round_trip_s: float) -> None:
+    """On a link with a delay the first ones are sent before the directory is known."""
+    terms = TransportSettings(round_trip_s=round_trip_s)
+
     async def scenario() -> None:
-        async with in_parts() as parts, await MrsClient.connect(str(parts.directory.uri)) as client:
+        async with (
+            in_parts() as parts,
+            await MrsClient.connect(str(parts.directory.uri), terms=terms) as client,
+        ):
             stream = client.notifications()
             assert (await client.get_camera_state()).pan == 0.5
             parts.notify(1)

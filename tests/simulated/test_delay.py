@@ -13,7 +13,7 @@ from adapters.mal import MalError
 from adapters.mrs.cli import RoverTarget
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.transport import TransportSettings
-from executive.commands import MoveForward, SetTravelSpeed, Stop
+from executive.commands import MoveForward, OnlyAt, Precondition, SetTravelSpeed, Stop
 from executive.settings import (
     LinkLossAction,
     LinkLossSettings,
@@ -125,6 +125,22 @@ def test_a_stop_arrives_after_one_light_time_though_nothing_is_known_of_the_rove
         sent_utc_s = world.start_utc_s + session.times_s["begun"]
     assert session.ends == [Stage.EXECUTED]
     assert session.times_s["arrived"] - sent_utc_s == pytest.approx(5.0, abs=0.1)
+
+
+def test_a_first_command_with_a_precondition_waits_for_the_directory() -> None:
+    session = Session(10.0)
+
+    async def work(client: MrsClient) -> None:
+        at_origin = Precondition(at=OnlyAt(0.0, 0.0, 0.5))
+        driven = await client.run(client.command(MoveForward(0.2), precondition=at_origin))
+        session.ends = [driven.stage]
+
+    settings = patient_settings(ADDRESS.asset)
+    with delayed_world(LinkConditions(10.0), RoverBelow(), settings) as world:
+        world.process("ground", HOST, partial(session.start, work)).begin()
+        world.run(60.0)
+        assert world.errors == []
+    assert session.ends == [Stage.EXECUTED]
 
 
 def test_without_a_rover_behind_the_link_a_client_learns_it() -> None:

@@ -251,8 +251,8 @@ class MrsClient(Queries):
             on_stored(where)
 
     async def supports_preconditions(self) -> bool:
-        """Whether the rover announces preconditions; needs no request."""
-        return (await self._session.consumer()).lists(*LIST_PRECONDITIONS)
+        """Whether the rover announces preconditions; needs no request of its own."""
+        return await (await self._session.consumer()).lists(*LIST_PRECONDITIONS)
 
     async def submit(self, command: Command) -> None:
         """Send a command and return when the rover, or the orbiter before it, has accepted it.
@@ -264,9 +264,9 @@ class MrsClient(Queries):
         call = invocation(command.request)
         for attempt in range(MAX_ATTEMPTS):
             consumer = await self._session.consumer()
-            if command.precondition and not consumer.lists(*LIST_PRECONDITIONS):
-                raise NotServedError(f"{self._session.uri} does not support preconditions")
             try:
+                if command.precondition and not await consumer.lists(*LIST_PRECONDITIONS):
+                    raise NotServedError(f"{self._session.uri} does not support preconditions")
                 await consumer.submit(
                     call.service,
                     call.operation,

@@ -2,10 +2,11 @@
 
 import asyncio
 import ssl
-from collections.abc import AsyncIterator, Iterable
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
-from typing import Any, Final
+from functools import partial
+from typing import Any, Final, TypeVar
 
 from adapters.mal import (
     AttributeType,
@@ -21,6 +22,8 @@ from adapters.mal import (
 from adapters.mrs.spec import AreaError, ServiceDescriptor, find_service, mrs_specification
 from adapters.mrs.transport import TransportSettings
 from adapters.system import OPERATING_SYSTEM, System
+
+T = TypeVar("T")
 
 DIRECTORY: Final = "ServiceLayer"
 
@@ -154,6 +157,8 @@ class RoverConsumer:
         self._uri: MalUri | None = None
         self._dialer = dialer
         self._locations = ServiceLocations()
+        self._answered = asyncio.Event()
+        self._fault: MalError | None = None
         self._opened: dict[ServiceLocation, Consumer] = {}
         self._opening = asyncio.Lock()
         self._lost = asyncio.Event()
@@ -165,9 +170,24 @@ class RoverConsumer:
         return bool(self._locations.providers or self._locations.brokers)
 
     async def discover(self, uri: MalUri) -> None:
-        """Query the directory, connected at this URI; raises as `request` does."""
-        (found,) = await self._directory.request(DIRECTORY, "getServices")
-        self._uri, self._locations = uri, service_locations(found, uri)
+        """Query the directory, connected at this URI; raises as `request` does.
+
+        A call before the answer goes to the directory's own address. If it fails there and the
+        directory lists another one, it is sent there.
+        """
+        try:
+            (found,) = await self._directory.request(DIRECTORY, "getServices")
+            self._uri, self._locations = uri, service_locations(found, uri)
+        except MalError as error:
+            self._fault = error
+            raise
+        finally:
+            self._answered.set()
+
+    async def _wait_discovered(self) -> None:
+        await self._answered.wait()
+        if self._fault is not None:
+            raise self._fault
 
     def require(self, service: str, operation: str) -> None:
         """Check that the directory lists an operation; a directory without entries passes.
@@ -182,8 +202,9 @@ class RoverConsumer:
         if listed.get(service) and number not in listed[service]:
             raise NotServedError(f"{self._uri} does not serve {service}.{operation}")
 
-    def lists(self, service: str, operation: str) -> bool:
+    async def lists(self, service: str, operation: str) -> bool:
         """Whether the directory lists an operation; a directory without entries does not."""
+        await self._wait_discovered()
         number = mrs_specification().operation(service, operation).number
         return number in self._locations.listed.get(service, ())
 
@@ -191,21 +212,26 @@ class RoverConsumer:
         self, service: str, operation: str, *parts: Any, supplements: tuple[NamedValue, ...] = ()
     ) -> None:
         """Send a SUBMIT, and return when it is acknowledged."""
-        provider = await self._consumer_of(service, operation)
-        await provider.submit(service, operation, *parts, supplements=supplements)
+        await self._call(
+            partial(self._consumer_of, service, operation),
+            lambda each: each.submit(service, operation, *parts, supplements=supplements),
+        )
 
     async def request(
         self, service: str, operation: str, *parts: Any, **options: Any
     ) -> tuple[Any, ...]:
         """Send a REQUEST with the options of `Consumer.request`, and return the response."""
-        provider = await self._consumer_of(service, operation)
-        return await provider.request(service, operation, *parts, **options)
+        return await self._call(
+            partial(self._consumer_of, service, operation),
+            lambda each: each.request(service, operation, *parts, **options),
+        )
 
     @asynccontextmanager
     async def progress(
         self, service: str, operation: str, *parts: Any
     ) -> AsyncIterator[ProgressStream]:
         """Start a PROGRESS; the context is entered at its acknowledgement."""
+        await self._wait_discovered()
         provider = await self._consumer_of(service, operation)
         async with provider.progress(service, operation, *parts) as progress:
             yield progress
@@ -214,10 +240,10 @@ class RoverConsumer:
         self, service: str, operation: str, subscription: Subscription, on_update: OnUpdate
     ) -> None:
         """Register a subscription with the service's broker."""
-        self.require(service, operation)
-        location = self._locations.brokers.get(service)
-        broker = self._directory if location is None else await self._at(location, service)
-        await broker.subscribe(service, operation, subscription, on_update)
+        await self._call(
+            partial(self._broker_of, service, operation),
+            lambda each: each.subscribe(service, operation, subscription, on_update),
+        )
 
     async def wait_lost(self) -> None:
         """Wait until any of the connections is closed, by either end."""
@@ -230,6 +256,23 @@ class RoverConsumer:
         self._lost.set()
         consumers = (self._directory, *self._opened.values())
         await asyncio.gather(*(consumer.close() for consumer in consumers))
+
+    async def _call(
+        self, find: Callable[[], Awaitable[Consumer]], call: Callable[[Consumer], Awaitable[T]]
+    ) -> T:
+        consumer = await find()
+        try:
+            return await call(consumer)
+        except MalError:
+            await self._wait_discovered()
+            if (listed := await find()) is consumer:
+                raise
+            return await call(listed)
+
+    async def _broker_of(self, service: str, operation: str) -> Consumer:
+        self.require(service, operation)
+        location = self._locations.brokers.get(service)
+        return self._directory if location is None else await self._at(location, service)
 
     async def _consumer_of(self, service: str, operation: str) -> Consumer:
         self.require(service, operation)
