@@ -22,7 +22,9 @@ from sim.processes.rover_address import HOST
 
 _LOG: Final = logging.getLogger(__name__)
 MAX_WAITING_OCTETS: Final = 16 << 20
-"""Octets in transit to one end; with more the other end is not read."""
+"""Octets in transit to one end; with more, or if it does not read, the other end is not read."""
+MAX_MESSAGE_OCTETS: Final = 64 << 20
+"""Maximum octets of a MAL message; TLS and HTTP begin with octets that mean a larger length."""
 LENGTH_OCTETS: Final = 4
 """Octets of the length at the start of a MAL message, CCSDS 521.0-B-3."""
 
@@ -83,7 +85,7 @@ class _End(asyncio.Protocol):
         self.other: _End
         self.transport: asyncio.Transport | None = None
         self._in_transit, self._arrived = deque[bytes](), deque[bytes]()
-        self._part, self._octets = b"", 0
+        self._part, self._octets, self._blocked = b"", 0, False
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Called by asyncio."""
@@ -98,7 +100,7 @@ class _End(asyncio.Protocol):
         self._part += data
         while len(self._part) >= LENGTH_OCTETS:
             length = int.from_bytes(self._part[:LENGTH_OCTETS], "big")
-            if length <= LENGTH_OCTETS:
+            if not LENGTH_OCTETS < length <= MAX_MESSAGE_OCTETS:
                 _LOG.warning("no MAL messages in clear text, which losses need: disconnected")
                 assert self.transport is not None, "it received octets"
                 self.transport.abort()
@@ -113,6 +115,16 @@ class _End(asyncio.Protocol):
         """Called by asyncio."""
         self.other.send(b"")
 
+    def pause_writing(self) -> None:
+        """Called by asyncio."""
+        self._blocked = True
+        self._bound()
+
+    def resume_writing(self) -> None:
+        """Called by asyncio."""
+        self._blocked = False
+        self._bound()
+
     def send(self, octets: bytes) -> None:
         """Have octets arrive here; without any, the end of the connection."""
         self._in_transit.append(octets)
@@ -121,24 +133,23 @@ class _End(asyncio.Protocol):
         self._bound()
 
     def _arrive(self) -> None:
-        octets = self._in_transit.popleft()
-        self._octets -= len(octets)
-        self._arrived.append(octets)
+        self._arrived.append(self._in_transit.popleft())
         self._write_arrived()
-        self._bound()
 
     def _write_arrived(self) -> None:
         while self._arrived and self.transport is not None:
             octets = self._arrived.popleft()
+            self._octets -= len(octets)
             if not octets:
                 self.transport.close()
             elif not self.transport.is_closing():
                 self.transport.write(octets)
+        self._bound()
 
     def _bound(self) -> None:
         source = self.other.transport
         if source is not None and not source.is_closing():
-            is_full = self._octets > MAX_WAITING_OCTETS
+            is_full = self._blocked or self._octets > MAX_WAITING_OCTETS
             source.pause_reading() if is_full else source.resume_reading()
 
 
