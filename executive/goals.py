@@ -531,7 +531,9 @@ class Context:
 
     @property
     def _idle_text(self) -> str:
-        plans = self.plans
+        plans, head = self.plans, next(iter(self.goals.motion), None)
+        if head is not None and (only := head.command.precondition) and only.after:
+            return f"{head.command.identity} {head.command.name} waits: {only}"
         if plans.executing is not None:
             return f"plan {plans.executing} {plans.waits or 'runs no motion now'}"
         if plans.suspended:
