@@ -88,24 +88,29 @@ class Preconditions:
         return not (replaces and any(each.command.identity == ahead for each in motions))
 
     def _is_pending(self, command: Command) -> bool:
-        stage = self._stage_before(command)
-        return stage is not None and not stage.terminal
+        """Return whether the command before it has not ended, or the ledger cannot be read."""
+        with suppress(LedgerError):
+            stage = self._stage_before(command)
+            return stage is not None and not stage.terminal
+        return True
 
     def _stage_before(self, command: Command) -> Stage | None:
         """Return the stage of the command that a command must follow; None if it is unknown."""
         ahead = _predecessor(command)
         if ahead is None or ahead == command.identity:
             return None
-        with suppress(LedgerError):  # the core reports it; the command is refused
-            last = self._ledger.last_report(ahead)
-            return None if last is None else last.stage
-        return None
+        last = self._ledger.last_report(ahead)
+        return None if last is None else last.stage
 
     def _check_after(self, command: Command, waits: bool) -> Refusal | None:
         ahead = _predecessor(command)
         if ahead is None or waits:
             return None
-        stage = self._stage_before(command)
+        try:
+            stage = self._stage_before(command)
+        except LedgerError:
+            text = f"only after {ahead}, but the ledger cannot be read"
+            return Refusal(Reason.LEDGER_FAILED, text)
         if stage is Stage.EXECUTED:
             return None
         found = "is not known aboard" if stage is None else f"is {stage.name}, not EXECUTED"

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from math import hypot, nan, radians
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from hypothesis import given
@@ -24,7 +25,7 @@ from executive.commands import (
     TakePicture,
 )
 from executive.commands.lifecycle import Accepted, Duplicate
-from executive.record import digest
+from executive.record import Ledger, LedgerError, digest
 from executive.values.geometry import Pose
 from executive.values.reasons import Identity, Reason
 from executive.values.reports import Stage
@@ -181,6 +182,19 @@ def test_the_mode_explains_what_the_first_motion_waits_for(tmp_path: Path) -> No
         bench.submit(MoveForward(0.5), 2, precondition=Precondition(after=1))
         bench.step()
         assert bench.executive.why == "standing: MOE:2 moveForward waits: only after number 1"
+
+
+def test_it_waits_until_the_ledger_can_be_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with Bench(tmp_path) as bench:
+        bench.submit(MoveForward(1.0), 1)
+        bench.submit(PICTURE, 2, precondition=Precondition(after=1))
+        with monkeypatch.context() as broken:
+            broken.setattr(Ledger, "last_report", Mock(side_effect=LedgerError("disk")))
+            bench.run(3.0)
+        assert bench.finish(1) is Stage.EXECUTED
+        assert bench.finish(2) is Stage.EXECUTED
 
 
 def test_the_ledger_knows_the_one_before_after_a_restart(tmp_path: Path) -> None:
