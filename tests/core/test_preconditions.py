@@ -176,7 +176,7 @@ def test_if_the_one_before_fails_it_fails_at_its_start(tmp_path: Path) -> None:
         assert bench.finish(3) is Stage.EXPIRED
 
 
-def test_the_mode_explains_what_the_first_motion_waits_for(tmp_path: Path) -> None:
+def test_the_reason_of_a_waiting_motion_is_named(tmp_path: Path) -> None:
     with Bench(tmp_path) as bench:
         bench.submit(PICTURE, 1)
         bench.submit(MoveForward(0.5), 2, precondition=Precondition(after=1))

@@ -1,4 +1,4 @@
-"""What the simulated link with light time holds, and what it disconnects."""
+"""The simulated link with light time holds a bounded number of octets, of MAL messages only."""
 
 import asyncio
 from contextlib import suppress
