@@ -143,6 +143,24 @@ def test_a_first_command_with_a_precondition_waits_for_the_directory() -> None:
     assert session.ends == [Stage.EXECUTED]
 
 
+def test_a_link_lost_soon_after_the_directorys_answer_is_restored() -> None:
+    session = Session(10.0)
+
+    async def work(client: MrsClient) -> None:
+        await client.get_pose()
+        await asyncio.sleep(10.0)
+        session.ends = [(await client.run(client.command(Stop()))).stage]
+
+    settings = patient_settings(ADDRESS.asset)
+    with delayed_world(LinkConditions(10.0), RoverBelow(), settings) as world:
+        world.process("ground", HOST, partial(session.start, work)).begin()
+        world.at(15.0, world.processes["link"].kill)
+        world.at(15.5, world.processes["link"].begin)
+        world.run(150.0)
+        assert world.errors == []
+    assert session.ends == [Stage.EXECUTED]
+
+
 def test_without_a_rover_behind_the_link_a_client_learns_it() -> None:
     session = Session(10.0)
 

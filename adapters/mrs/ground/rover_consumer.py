@@ -165,6 +165,11 @@ class RoverConsumer:
         self._watches = [asyncio.create_task(self._watch(directory))]
 
     @property
+    def has_answered(self) -> bool:
+        """Whether the directory has answered."""
+        return self._answered.is_set() and self._fault is None
+
+    @property
     def is_distributed(self) -> bool:
         """Whether the directory lists services at other addresses than its own."""
         return bool(self._locations.providers or self._locations.brokers)

@@ -174,8 +174,9 @@ class RoverSession:
                 await self._restore(consumer)
         except (MalError, ConnectionError) as error:
             fault = self._wrong_answer(error) if isinstance(error, MalError) else error
-            self._fail(fault)
-            return await consumer.close()
+            if not (consumer.has_answered and _is_loss(error)):
+                self._fail(fault)
+                return await consumer.close()
         while True:
             await consumer.wait_lost()
             self._settled.clear()
@@ -245,7 +246,7 @@ class RoverSession:
         return TransportMismatchError(f"no TLS answer at {self.uri}: perhaps it uses clear text")
 
     def _wrong_answer(self, error: MalError) -> ConnectionError:
-        if error.number == StandardError.DESTINATION_LOST.value:
+        if _is_loss(error):
             if error.extra is not None:
                 text = f"{self.uri} does not answer like a rover: {error.extra.value}"
                 return ConnectionError(f"{text}; the rover is at {self.uri.host}:{PORT}")
@@ -260,6 +261,10 @@ class RoverSession:
                 f"{text}; does it use another encoding than {self._terms.encoding.value}?"
             )
         return ConnectionError(text)
+
+
+def _is_loss(error: Exception) -> bool:
+    return isinstance(error, MalError) and error.number == StandardError.DESTINATION_LOST.value
 
 
 RENEWALS: Final = 3
