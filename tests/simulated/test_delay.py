@@ -150,6 +150,7 @@ def test_a_link_lost_soon_after_the_directorys_answer_is_restored() -> None:
         await client.get_pose()
         await asyncio.sleep(10.0)
         session.ends = [(await client.run(client.command(Stop()))).stage]
+        assert client.delay.round_trip_s == pytest.approx(10.0, abs=0.1)
 
     settings = patient_settings(ADDRESS.asset)
     with delayed_world(LinkConditions(10.0), RoverBelow(), settings) as world:

@@ -375,10 +375,11 @@ class MrsClient(Queries):
         # An error answer proves the contact, too; without a session nothing is sent.
         with suppress(MalError, ConnectionError):
             now_s = asyncio.get_running_loop().time
-            sent_s = now_s()
+            before, sent_s = await self._session.consumer(), now_s()
             await self._give_sign()
-            self.delay = replace(self.delay, measured_s=now_s() - sent_s)
-            await self._feed.catch_up(await self._session.consumer())
+            if (consumer := await self._session.consumer()) is before:  # it was not sent again
+                self.delay = replace(self.delay, measured_s=now_s() - sent_s)
+            await self._feed.catch_up(consumer)
 
     async def _give_sign(self) -> None:
         """Send a query that the peer supports, so that TCP detects a lost peer."""
