@@ -120,7 +120,7 @@ def _run_trial(request: CheckRequest, asset: str) -> Any:
         MalError: NotSupported, the simulation is not installed, or failed.
     """
     if any(find_spec(name) is None for name in ("sim", "mujoco", "scipy")):
-        text = "the simulation is not installed aboard: pip install 'rover-executive[sim]'"
+        text = "the simulation is not installed aboard: pip install 'rover-executive[sim,campaign]'"
         raise with_text(AreaError.NOT_SUPPORTED, text)
     definition = request.definition
     wanted = {

@@ -172,7 +172,7 @@ def judge(found: Regressions, asset: str | None, jobs: int | None) -> Regression
         for each in found.compared
         if each.decision and TEXTS not in each.decision.group
     ]
-    if any(find_spec(name) is None for name in ("sim", "mujoco", "scipy")):
+    if any(find_spec(name) is None for name in ("sim", "mujoco")):
         text = "the simulation is not installed: pip install 'rover-executive[sim]'"
         verdicts = dict.fromkeys(paths, (UNKNOWN, text))
     else:

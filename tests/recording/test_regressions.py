@@ -5,6 +5,7 @@ import shutil
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -203,6 +204,16 @@ def test_without_the_simulation_nothing_is_judged(
     reported = typed(stuck.parent, "--with", slower, judge=True)
     assert rows(reported)[0][5] == "1 not judged"
     assert "is not installed: pip install 'rover-executive[sim]'" in reported.output
+
+
+def test_the_extra_sim_alone_judges(stuck: Path, tmp_path: Path, monkeypatch: Patch) -> None:
+    monkeypatch.setattr(
+        "adapters.recording.regressions.find_spec",
+        lambda name: None if name == "scipy" else find_spec(name),  # of the extra campaign
+    )
+    slower = changed(tmp_path, "travel_speed_mps: 1.0", "travel_speed_mps: 0.9")
+    reported = typed(stuck.parent, "--with", slower, judge=True)
+    assert "not judged" not in reported.output
 
 
 def test_a_fork_that_fails_is_named(stuck: Path, tmp_path: Path, monkeypatch: Patch) -> None:
