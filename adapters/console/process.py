@@ -1,6 +1,7 @@
 """The process `rover-console`: its command line. `service` serves the pages."""
 
 import asyncio
+import logging
 from pathlib import Path
 from typing import Final
 
@@ -131,6 +132,7 @@ def main(
     """
     if (tls_certificate is None) != (tls_key is None):
         raise click.UsageError("HTTPS needs both: --tls-certificate and --tls-key")
+    logging.getLogger("executive").setLevel(logging.WARNING)  # the twins' copies, no rover
     tls = None if tls_certificate is None or tls_key is None else (tls_certificate, tls_key)
     retention = RetentionPolicy(max_days, max_mb)
     folder = data or default_folder(FOLDER)
