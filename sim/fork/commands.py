@@ -107,7 +107,7 @@ def whatif(
     from executive.settings import SettingsError
     from executive.values.reports import printable
     from sim.fork.forkable import whatif as answer_of
-    from sim.fork.model import Fidelity
+    from sim.fork.model import Change, Fidelity
     from sim.fork.pictures import write_plots
     from sim.fork.question import read_change
     from sim.fork.text import answer_lines
@@ -119,6 +119,11 @@ def whatif(
         return
     try:
         change = read_change(**texts)
+        if change == Change() and (seeds or 1) > 1:
+            raise click.UsageError(
+                "--seeds draws other noise for a change: give one; a --set of the recorded value"
+                " changes the noise alone"
+            )
         forked = None if out is None else _new_file(out)
         answer = answer_of(recording, change, at_s, seeds or 1, forked)
         if out is not None and answer.forks:

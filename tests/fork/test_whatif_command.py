@@ -35,6 +35,12 @@ def test_the_answer_names_the_difference_and_the_outcomes(stuck: Path, tmp_path:
     assert run(stuck, "--without", "left_wheels_stuck", "--out", out).exit_code == 2
 
 
+def test_seeds_need_a_change(stuck: Path) -> None:
+    done = run(stuck, "--at", 2, "--seeds", 3)
+    assert done.exit_code == 2
+    assert "--seeds draws other noise for a change: give one" in done.output
+
+
 def test_seeds_are_counted(answer: WhatIf) -> None:
     twice = replace(answer, forks=answer.forks * 2)
     assert any(each.endswith(" s in 2 of 2") for each in answer_lines(twice, Change()))
