@@ -88,17 +88,20 @@ async def test_a_recording_is_an_asset_with_the_past_of_its_file(
         ({"set": [0.3]}, "set"),
         ({"command": ["stop"], "at": -1}, "at"),
         ({"controller": "best"}, "controller"),
+        ({"command": ["stop\0"]}, None),
+        ({"command": ["x" * 200_000]}, None),
+        ({"set": ["drive.travel_speed=\ud800"]}, None),
     ],
 )
 async def test_a_fork_with_an_invalid_body_is_refused(
-    drive: Path, tmp_path: Path, body: dict[str, object], field: str
+    drive: Path, tmp_path: Path, body: dict[str, object], field: str | None
 ) -> None:
     async with (
         served(tmp_path, UNREACHABLE, recordings=(drive,)) as address,
         operator(address, "anna") as anna,
     ):
         status, answer = await anna.post(f"api/recordings/{RUN}/fork", **body)
-        assert (status, answer["field"]) == (422, field)
+        assert (status, answer.get("field")) == (422, field)
 
 
 async def test_one_fork_runs_at_a_time_and_ends_in_time(

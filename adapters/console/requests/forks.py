@@ -1,7 +1,9 @@
 """HTTP requests for forks of recordings: a process of the simulation answers "what if"."""
 
 import asyncio
+import os
 import sys
+from contextlib import suppress
 from http import HTTPStatus
 from importlib.util import find_spec
 from typing import Any, Final
@@ -16,6 +18,7 @@ FORK: Final = "sim.fork"
 """Module that answers a question, with the options of `rover whatif`."""
 ANSWERED: Final = (0, 1)
 """Its exit statuses with an answer; 1 if the fork without a change is not as recorded."""
+LOWEST_PRIORITY: Final = 19
 LIMIT_S: Final = 300.0
 """Maximum duration of a fork, s; chosen: an hour of recording takes 2 min."""
 MAX_CHANGES: Final = 20
@@ -61,13 +64,18 @@ async def _answer(*arguments: str) -> bytes:
     Raises:
         RequestError: the question does not fit the recording, or the fork did not end in time.
     """
-    process = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-P", "-m", FORK, *arguments),
-        stdin=asyncio.subprocess.DEVNULL,
-        stdout=asyncio.subprocess.PIPE,
-        stderr=asyncio.subprocess.PIPE,
-    )
     try:
+        process = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-P", "-m", FORK, *arguments),
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.PIPE,
+        )
+    except (OSError, ValueError) as error:  # as a text with NUL, or too long
+        raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, f"no process: {error}") from error
+    try:
+        with suppress(ProcessLookupError):  # telemetry and stops of this console go first
+            os.setpriority(os.PRIO_PROCESS, process.pid, LOWEST_PRIORITY)
         async with asyncio.timeout(LIMIT_S):
             answer, errors = await process.communicate()
     except TimeoutError as error:
