@@ -9,6 +9,7 @@ from collections import deque
 from dataclasses import dataclass
 from itertools import islice
 from math import inf, sqrt
+from os import W_OK, access
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
@@ -35,6 +36,13 @@ MAX_POINTS: Final = 200
 """Maximum number of points of a path."""
 MIN_STEP_M: Final = 0.1
 """Minimum distance between two points of a path."""
+RESTART_RATIO: Final = 0.01
+"""Minimum interval between restarts, as a ratio of the reported time that they simulate again: they
+take some 4 % of a processor then, also in motions of hours; chosen."""
+MAX_REPORTS: Final = 20_000
+"""Maximum number of stored reports."""
+SHARED_MEMORY: Final = Path("/dev/shm")
+"""Folder of the copies' files, if there is one: each restart synchronizes their stop latch."""
 MAX_LAG_S: Final = 10.0
 """Maximum lag between the twin and the rover where their paths are joined; chosen."""
 
@@ -86,12 +94,14 @@ class Twin:
     def __init__(self, settings: Settings, one_way_s: float) -> None:
         self.one_way_s = one_way_s
         self._settings = copied_settings(settings)
-        self._folder = TemporaryDirectory(prefix="rover-twin-")
+        folder = SHARED_MEMORY if access(SHARED_MEMORY, W_OK) else None
+        self._folder = TemporaryDirectory(prefix="rover-twin-", dir=folder)
         self._copies = 0
         self._copy: ExecutiveCopy | None = None
         self._sent: dict[Identity, _Sent] = {}
-        self._reports: deque[ReportedPose] = deque()
+        self._reports: deque[ReportedPose] = deque(maxlen=MAX_REPORTS)
         self._outdated = True
+        self._restart_utc_s = -inf
 
     def on_sent(self, command: Command, utc_s: float) -> None:
         """Add a command that is sent at this time."""
@@ -140,8 +150,18 @@ class Twin:
             due_s = sent.arrival_utc_s + self.one_way_s + REPORT_MARGIN_S
             if not (sent.received or sent.lost) and utc_s > due_s:
                 sent.lost = self._outdated = True
-        copy = self._begin() if self._outdated or self._copy is None else self._copy
-        until_s = utc_s + self.one_way_s
+        until_s, copy = utc_s + self.one_way_s, self._copy
+        if (
+            copy is not None
+            and self._reports[0].utc_s <= until_s < copy.utc_s - MAX_ARRIVAL_ERROR_S
+        ):
+            self._outdated = True  # the delay is shorter now, or the clock was set back
+        if self._outdated or copy is None:
+            again_s = RESTART_RATIO * (self._reports[-1].utc_s - self._reports[0].utc_s)
+            if abs(utc_s - self._restart_utc_s) < again_s:
+                return True
+            self._restart_utc_s = utc_s
+            copy = self._begin()
         for sent in sorted(self._sent.values(), key=lambda each: each.arrival_utc_s):
             if not (sent.lost or sent.fed) and sent.arrival_utc_s <= until_s:
                 ticks = copy.advance(sent.arrival_utc_s, ticks)
@@ -152,11 +172,14 @@ class Twin:
         return copy.advance(until_s, ticks) > 0
 
     def predict(self, utc_s: float) -> PredictedPose | None:
-        """Return where a command that is sent now finds the rover; None before the first report."""
+        """Return where a command that is sent now finds the rover.
+
+        None before the first report, and while a restart is due, which long motions put off.
+        """
         while not self.advance(utc_s, SLICE_TICKS):
             pass
         copy = self._copy
-        if copy is None:
+        if copy is None or self._outdated:
             return None
         path = self._path(copy)
         as_of_s = self._reports[-1].utc_s

@@ -1,15 +1,18 @@
 """Links with a predicted pose, and the times of that."""
 
+from math import nan
 from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 
 from adapters.console.messages import LinkKind, PosePrediction
+from adapters.console.rovers import pose_prediction
 from adapters.console.rovers.pose_prediction import PosePredictor
 from adapters.console.rovers.rover_link import RoverLink
 from adapters.mrs.ground import LinkDelay
 from adapters.mrs.spec import ReceivedValue
+from adapters.twin import Twin
 from executive.commands import DIRECT_LINK, Command, MoveForward
 from executive.settings import load_settings
 from executive.values.reports import Identity
@@ -54,6 +57,45 @@ async def test_nothing_is_predicted_without_delay_settings_or_clock() -> None:
     assert await predicted(JACKAL, link(0.5, LINK_CLOCK_OFFSET=0.0)) is None
     assert await predicted(None, link(LINK_CLOCK_OFFSET=0.0)) is None
     assert await predicted(JACKAL, link()) is None
+
+
+async def test_an_error_of_the_twin_ends_the_prediction_only(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    predictor = PosePredictor(JACKAL)
+    report(predictor, NOW_S - 6.0)
+    await predictor.predict(LED, NOW_S)
+
+    def fail(*_: object) -> None:
+        raise RuntimeError("any defect of the twin")
+
+    monkeypatch.setattr(Twin, "on_sent", fail)
+    predictor.on_sent(Command(Identity("anna", 1), MoveForward(3.0), DIRECT_LINK), NOW_S)
+    report(predictor, NOW_S - 5.0 + LEAD_S)
+    assert await predictor.predict(LED, NOW_S) is None
+
+
+async def test_a_twin_that_cannot_start_is_not_tried_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def fail(*_: object) -> None:
+        raise OSError("no space left")
+
+    monkeypatch.setattr(pose_prediction, "Twin", fail)
+    predictor = PosePredictor(JACKAL)
+    assert await predictor.predict(LED, NOW_S) is None
+    assert await predictor.predict(LED, NOW_S) is None
+
+
+async def test_a_pose_that_is_no_number_is_ignored() -> None:
+    predictor = PosePredictor(JACKAL)
+    await predictor.predict(LED, NOW_S)
+    report(predictor, NOW_S - 6.0 + LEAD_S)
+    report(predictor, NOW_S - 5.0 + LEAD_S, x_m=nan)
+    found = await predictor.predict(LED, NOW_S)
+    predictor.close()
+    assert found is not None
+    assert (found.as_of, found.x) == (NOW_S - 6.0, 1.0)
 
 
 async def test_a_relay_link_has_the_light_time_behind_the_orbiter() -> None:

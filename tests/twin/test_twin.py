@@ -7,8 +7,13 @@ from dataclasses import replace
 from math import hypot, pi
 from pathlib import Path
 
-from adapters.twin import PredictedPose
+import pytest
+
+from adapters.twin import PredictedPose, ReportedPose, Twin
+from adapters.twin import twin as twin_module
 from executive.commands import (
+    DIRECT_LINK,
+    Command,
     FollowPath,
     MoveForward,
     PreemptionPolicy,
@@ -18,8 +23,8 @@ from executive.commands import (
     Waypoint,
 )
 from executive.settings import load_settings
-from executive.values.geometry import Point
-from executive.values.reports import Stage
+from executive.values.geometry import Point, Pose
+from executive.values.reports import Identity, Stage
 from sim.rover import World
 from sim.rover.faults import LeftWheelsStuck
 from sim.rover.lockstep import LockStep
@@ -162,3 +167,34 @@ def test_a_stop_holds_the_twin_until_the_resume_arrives(tmp_path: Path) -> None:
         assert abs(predicted(link).pose.heading_rad - pi / 2) < 0.05
         link.run(12.0)
         assert abs(link.pose.heading_rad - pi / 2) < 0.05
+
+
+NOW_S = 1_800_000_000.0
+
+
+def test_restarts_along_a_long_motion_are_rare(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A rover that is always slower than predicted does not use up the processor of the ground."""
+    monkeypatch.setattr(twin_module, "RESTART_RATIO", 0.5)
+    twin = Twin(SLOW, ONE_WAY_S)
+    command = Command(Identity("MOE", 1), MoveForward(8.0), DIRECT_LINK)
+    twin.on_pose(ReportedPose(NOW_S - ONE_WAY_S, Pose()))
+    twin.on_sent(command, NOW_S - 2 * ONE_WAY_S)
+    twin.on_stage(command.identity, Stage.STARTED, NOW_S - ONE_WAY_S)
+    found = []
+    for second in range(1, 13):
+        twin.on_pose(ReportedPose(NOW_S - ONE_WAY_S + second, Pose(0.1 * second, 0.0)))
+        found.append(twin.predict(NOW_S + second) is not None)
+    twin.close()
+    assert 2 <= twin._copies <= 5
+    assert found.count(False) >= 4, "nothing is predicted while a restart is due"
+
+
+def test_a_shorter_delay_restarts_a_twin_that_is_too_far_ahead() -> None:
+    twin = Twin(SLOW, 300.0)
+    twin.on_pose(ReportedPose(NOW_S - 400.0, Pose()))
+    twin.predict(NOW_S)
+    twin.one_way_s = ONE_WAY_S
+    found = twin.predict(NOW_S)
+    twin.close()
+    assert found is not None
+    assert found.arrival_utc_s == NOW_S + ONE_WAY_S

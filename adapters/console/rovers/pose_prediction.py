@@ -1,7 +1,10 @@
 """`PosePredictor`: the twin of an asset, fed with the data of its links, for the pages' map."""
 
 import asyncio
-from math import inf
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from math import inf, isfinite
 from typing import Final
 
 from adapters.console.messages import LinkKind, PosePrediction
@@ -13,6 +16,8 @@ from executive.settings import Settings
 from executive.values.geometry import Pose
 from executive.values.parameters import Parameter
 from executive.values.reports import Report
+
+_LOG: Final = logging.getLogger(__name__)
 
 PREDICTION_S: Final = 1.0
 """Interval of predictions, s."""
@@ -30,6 +35,8 @@ _HELD: Final = (AssetMode.STOPPED, AssetMode.SAFE)
 class PosePredictor:
     """Predicts the pose of one asset over the link that commands take, if that has a delay.
 
+    An error of the twin ends the prediction. It never reaches links, commands or stops.
+
     Args:
         settings: installed settings of the asset; without them nothing is predicted.
     """
@@ -43,13 +50,15 @@ class PosePredictor:
 
     def on_sent(self, command: Command, utc_s: float) -> None:
         """Add a command that is sent."""
-        if self._twin is not None:
-            self._twin.on_sent(command, utc_s)
+        with self._contained():
+            if self._twin is not None:
+                self._twin.on_sent(command, utc_s)
 
     def on_report(self, report: Report) -> None:
         """Receive a report."""
-        if self._twin is not None and report.identity is not None and report.stage is not None:
-            self._twin.on_stage(report.identity, report.stage, report.utc_s - self._lead_s)
+        with self._contained():
+            if self._twin is not None and report.identity is not None and report.stage is not None:
+                self._twin.on_stage(report.identity, report.stage, report.utc_s - self._lead_s)
 
     def on_status(self, status: AssetStatus) -> None:
         """Receive the mode."""
@@ -69,7 +78,8 @@ class PosePredictor:
                 self._number(Parameter.ROTATE_SPEED.value),
                 self._stopped,
             )
-            self._twin.on_pose(reported)
+            with self._contained():
+                self._twin.on_pose(reported)
 
     async def predict(self, link: RoverLink | None, utc_s: float) -> PosePrediction | None:
         """Return where a command that is sent now finds the asset; None if the link has no delay.
@@ -78,6 +88,13 @@ class PosePredictor:
             link: the link that commands take.
             utc_s: present time.
         """
+        try:
+            return await self._predict(link, utc_s)
+        except Exception:
+            self._fail()
+            return None
+
+    async def _predict(self, link: RoverLink | None, utc_s: float) -> PosePrediction | None:
         if link is None:
             return None  # commands sent before may still arrive
         relayed = link.kind is LinkKind.RELAY
@@ -116,13 +133,27 @@ class PosePredictor:
 
     def close(self) -> None:
         """Delete the twin."""
-        if self._twin is not None:
-            self._twin.close()
-            self._twin = None
+        twin, self._twin = self._twin, None
+        if twin is not None:
+            twin.close()
+
+    @contextmanager
+    def _contained(self) -> Iterator[None]:
+        """End the prediction at any error within."""
+        try:
+            yield
+        except Exception:
+            self._fail()
+
+    def _fail(self) -> None:
+        _LOG.exception("poses are not predicted from now on")
+        self._settings = None
+        with suppress(Exception):
+            self.close()
 
     def _number(self, name: str, utc_s: float | None = None) -> float | None:
         """Return the last value of a parameter if it is a number, and of this stamp if given."""
         known = self._values.get(name)
         if known is None or utc_s not in {None, known.utc_s}:
             return None
-        return known.value if isinstance(known.value, float) else None
+        return known.value if isinstance(known.value, float) and isfinite(known.value) else None
