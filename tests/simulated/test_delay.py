@@ -236,13 +236,13 @@ def test_a_console_commands_and_stops_over_light_time() -> None:
     below, journal = RoverBelow(), PageJournal()
     browser = Browser(ADDRESS.asset, journal)
     settings = patient_settings(ADDRESS.asset)
-    with delayed_world(LinkConditions(20.0), below, settings) as world:
-        world.process("console", HOST, partial(start_console, 20.0)).begin()
+    with delayed_world(LinkConditions(12.0), below, settings) as world:
+        world.process("console", HOST, partial(start_console, 12.0)).begin()
         world.process("browser", BROWSER_HOST, browser.start).begin()
-        world.at(100.0, browser.send, SetTravelSpeed(0.02), 1)
-        world.at(101.0, browser.send, MoveForward(15.0), 2)
-        world.at(140.0, browser.send, Stop(), 3)
-        world.run(175.0)
+        world.at(60.0, browser.send, SetTravelSpeed(0.02), 1)
+        world.at(61.0, browser.send, MoveForward(15.0), 2)
+        world.at(85.0, browser.send, Stop(), 3)
+        world.run(110.0)
         assert world.errors == []
         archive = rows(world.processes["console"].stored / "archive.sqlite", HISTORIES)
     ends = [*journal.ends.values()]
