@@ -132,7 +132,7 @@ def commands_table(
         columns = ["sent", "received\naboard", "started\naboard", "ended\naboard", "on\nground"]
         columns = [name for name in columns if not (brief and name.startswith("started"))]
     for name in columns:
-        table.add_column(name, justify="right", width=max(5, *map(len, name.split("\n"))))
+        table.add_column(name, justify="right", width=max(6, *map(len, name.split("\n"))))
     table.add_column("outcome", ratio=1 if brief else None, no_wrap=brief)
     for number, sent in enumerate(commands, 1):
         times = _relayed_s(sent, brief) if relayed else _aboard_s(sent)
