@@ -42,7 +42,7 @@ take some 4 % of a processor then, also in motions of hours; chosen."""
 MAX_REPORTS: Final = 20_000
 """Maximum number of stored reports."""
 SHARED_MEMORY: Final = Path("/dev/shm")
-"""Folder of the copies' files, if there is one: each restart synchronizes their stop latch."""
+"""Folder of the copies' files, if there is one: each restart synchronises their stop latch."""
 MAX_LAG_S: Final = 10.0
 """Maximum lag between the twin and the rover where their paths are joined; chosen."""
 
