@@ -158,4 +158,4 @@ def _never(entry: Entry) -> Entry:
 
 
 def _names(values: Iterable[object]) -> str:
-    return ", ".join(map(str, values)) or "none"
+    return ", ".join(dict.fromkeys(map(str, values))) or "none"

@@ -85,9 +85,10 @@ class Forkable:
         self._steps = tuple(read_entries(reader))
         self._log = log = RunLog.read(self._steps, reader)
         starts = [each for each in log.simulation if isinstance(each, ProcessStart)]
-        if not starts or log.core_s is None:
+        if not starts or log.core_s is None or not log.now_s:
             raise RecordingError(f"{path}: contains no run from its start")
-        self._start = starts[0]
+        self._start, self._whole = starts[0], reader.whole
+        cut = () if reader.whole else (f"the recording is truncated: it ends at {log.now_s:.1f} s",)
         self.settings: Settings = self._start.settings
         try:
             self._simulation = self._simulated() if exact else None
@@ -116,7 +117,7 @@ class Forkable:
             pose=log.pose_at(log.now_s),
             contacts=None,
             track=log.track(),
-            lacks=missing_for_fork(log.kinds | {SimulationState}),
+            lacks=(*missing_for_fork(log.kinds | {SimulationState}), *cut),
         )
         self.recorded = ForkRun(outcome, record, tuple(log.odometry))
 
@@ -204,8 +205,10 @@ class Forkable:
             assumed: world and seed that the recording lacks.
         """
         run, log = self._fork(assumed or Change(), at_s)
-        # The last instant of a truncated file may be incomplete.
-        if log.until(self._log.now_s) == self._log.until(self._log.now_s):
+        # The last instant of a truncated file may be incomplete, and a live run ends by a call.
+        is_complete = self._whole and TimelineStarted in self._log.kinds
+        end_s = self._log.now_s + (ALMOST_S if is_complete else 0.0)
+        if log.until(end_s) == self._log.until(end_s):
             return run, Fidelity.BIT_EQUAL
         same = run.outcome.kinds == self.recorded.outcome.kinds
         return run, Fidelity.SAME_OUTCOMES if same else Fidelity.DIFFERENT
@@ -402,6 +405,9 @@ def whatif(
         SettingsError: the change does not fit the recording.
     """
     run = Forkable(path)
+    end_s = run.recorded.outcome.end_s
+    if at_s is not None and at_s > end_s + ALMOST_S:
+        raise SettingsError(f"--at {at_s:g} is after the end of the recording, {end_s:g} s")
     assumed = Change() if run.has_world else _assumption(change)
     forks: list[ForkOutcome] = []
     with tempfile.TemporaryDirectory(prefix="rover-fork-") as folder:

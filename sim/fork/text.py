@@ -19,14 +19,17 @@ def answer_lines(answer: WhatIf, changes: Change) -> Iterator[str]:
         yield from _difference(unchanged.first_difference)
         yield from _commands(recorded, [unchanged], "without a change")
         return
-    exactly = "bit-equal" if answer.fidelity is Fidelity.BIT_EQUAL else "the same outcomes"
-    yield f"without a change: as recorded ({exactly}{_apart(recorded.pose, unchanged.pose)})"
+    apart = f"the same outcomes{_apart(recorded.pose, unchanged.pose)}"
+    exactly = "bit-equal" if answer.fidelity is Fidelity.BIT_EQUAL else apart
+    yield f"without a change: as recorded ({exactly})"
     if not answer.forks:
         return
-    if all(each.first_difference is None for each in answer.forks):
-        yield f"{change}: no decision differs"
-        return
-    yield from _difference(answer.forks[0].first_difference)
+    differences = [each.first_difference for each in answer.forks if each.first_difference]
+    if not differences:
+        yield f"{change}: no decision differs until the end of the recording"
+        if all(each.kinds == recorded.kinds for each in answer.forks):
+            return
+    yield from _difference(next(iter(differences), None))
     yield from _commands(recorded, answer.forks, change)
     for name, run in (("recorded", unchanged), (change, answer.forks[0])):
         contacts = "" if run.contacts is None else f", {run.contacts} contacts"

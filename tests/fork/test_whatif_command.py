@@ -2,12 +2,15 @@
 
 import json
 import re
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
 
+from adapters.recording import RunFile, RunReader, decode
+from executive.core.recording import CoreCalled
 from sim.fork import __main__
 from sim.fork.commands import whatif
 from sim.fork.model import Change, Fidelity, WhatIf
@@ -49,8 +52,28 @@ def test_seeds_are_counted(answer: WhatIf) -> None:
 def test_a_change_without_effect_is_reported(answer: WhatIf) -> None:
     same = replace(answer, forks=(answer.unchanged,))
     assert list(answer_lines(same, Change(without=("tip",))))[1:] == [
-        "without tip: no decision differs"
+        "without tip: no decision differs until the end of the recording"
     ]
+
+
+def test_a_truncated_recording_is_named(stuck: Path, tmp_path: Path) -> None:
+    """Outcomes behind its end are shown, though no decision differs before."""
+    cut = tmp_path / "cut.mcap"
+    with closing(RunFile(cut)) as file:
+        for message in RunReader(stuck).messages():
+            item = decode(message.topic, message.data)
+            if isinstance(item, CoreCalled) and item.now_s > 2.0:
+                break
+            file.put(item)
+        file.flush()
+        octets = cut.read_bytes()
+    cut.write_bytes(octets)
+    lines = run(cut, "--set", "faults.battery_low.below=20").output.splitlines()
+    assert lines[0] == "the recording is truncated: it ends at 2.0 s"
+    assert lines[1] == "without a change: as recorded (bit-equal)"
+    assert "no decision differs until the end" in lines[2]
+    assert lines[3].startswith("MOE:1 moveForward: recorded STARTED 1.00 s; with")
+    assert lines[3].endswith(" WHEELS_OFF_COMMAND")
 
 
 def test_the_document_is_json(answer: WhatIf) -> None:
@@ -82,6 +105,7 @@ def test_without_reproduction_the_status_is_one(
         (("--command", "moveTo 3 2"), "give --at SECONDS"),
         (("--at", "3", "--command", "fly 3"), "No such command 'fly'"),
         (("--world", "nowhere"), "nowhere"),
+        (("--at", "9", "--command", "stop"), "--at 9 is after the end of the recording, 3 s"),
     ],
 )
 def test_bad_input_has_status_two(stuck: Path, arguments: tuple[str, ...], text: str) -> None:
