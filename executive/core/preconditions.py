@@ -157,7 +157,7 @@ def _outside(at: OnlyAt, pose: Pose, uncertainty: Uncertainty) -> Refusal | None
     )
     texts = []
     if distance_m + uncertainty.position_m > at.within_m:
-        texts.append(f"{distance_m:.2f} m away")
+        texts.append(f"{distance_m:.2f} m away, at x {pose.x_m:.2f} m, y {pose.y_m:.2f} m")
     if at.heading_rad is not None and at.heading_within_rad is not None:
         off_rad = abs(wrap_rad(pose.heading_rad - at.heading_rad))
         figures += (

@@ -83,7 +83,7 @@ async def test_a_recording_is_an_asset_with_the_past_of_its_file(
 @pytest.mark.parametrize(
     ("body", "field"),
     [
-        ({}, "set"),
+        ({}, None),
         ({"set": "drive.travel_speed_mps=0.3"}, "set"),
         ({"set": [0.3]}, "set"),
         ({"command": ["stop"], "at": -1}, "at"),

@@ -51,7 +51,7 @@ def test_at_another_pose_it_is_refused_with_position_distance_and_bound(tmp_path
     with Bench(tmp_path) as bench:
         refusal = bench.refusal(MoveForward(1.0), 1, precondition=AHEAD)
         assert refusal.reason is Reason.PRECONDITION_POSE
-        assert "2.00 m away" in refusal.text
+        assert "2.00 m away, at x 0.00 m, y 0.00 m" in refusal.text
         found = figures(bench, 1)
         assert found["distance"] == pytest.approx(2.0)
         assert (found["x"], found["bound"]) == (0.0, 0.3)

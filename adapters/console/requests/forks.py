@@ -112,7 +112,8 @@ def _options(body: dict[str, Any]) -> list[str]:
     if controller is not None:
         found.append(f"--controller={controller}")
     if not found:
-        raise invalid("set", "a change is needed: a setting, a command or a controller")
+        text = "a change is needed: a setting, a command or a controller"
+        raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text)
     if at_s is not None:
         if not (is_number(at_s) and at_s >= 0.0):
             raise invalid("at", "seconds since the start of the recording are needed")
