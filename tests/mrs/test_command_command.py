@@ -8,6 +8,7 @@ import sys
 import threading
 from math import pi
 from subprocess import PIPE
+from unittest.mock import AsyncMock
 
 import click
 import pytest
@@ -176,7 +177,7 @@ def test_a_precondition_that_cannot_be_read_is_not_sent(
 def test_a_rover_that_announces_no_preconditions_gets_none(
     aboard: Aboard, taken: list[Command], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(RoverConsumer, "lists", lambda *_: False)
+    monkeypatch.setattr(RoverConsumer, "lists", AsyncMock(return_value=False))
     result = command(aboard, "--only-mode", "IDLE", "moveForward", "1")
     assert (result.exit_code, taken) == (FAILED, [])
     assert "does not support preconditions" in result.output

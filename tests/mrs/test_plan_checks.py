@@ -276,7 +276,7 @@ print(json.dumps({TRIAL}))"""
     with pytest.raises(MalError, match=r"the simulation failed: .*missing_module"):
         checked(request_of(GOOD, TRY))
     monkeypatch.setattr(plan_checks, "find_spec", lambda _: None)
-    with pytest.raises(MalError, match=r"pip install 'rover-executive\[sim\]'") as refused:
+    with pytest.raises(MalError, match=r"pip install 'rover-executive\[sim,campaign\]'") as refused:
         checked(request_of(GOOD, TRY))
     assert refused.value.number == AreaError.NOT_SUPPORTED.value
 

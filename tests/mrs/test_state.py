@@ -285,7 +285,7 @@ async def test_the_directory_lists_what_works_and_nothing_else(
         "Camera": (1, 2, 3, 4, 5),
         "MotionControl": tuple(range(1, 17)),
         "Plan": tuple(range(1, 18)),
-        "Status": (1, 2, 3, 4, 5),
+        "Status": (1, 2, 3, 4, 5, 6),
         "MonitoringClient": (1, 2, 3),
         "NotificationClient": (1, 2),
         "Authority": (1, 2, 3, 4, 5),
