@@ -145,7 +145,7 @@ def measure(recordings: int, folder: Path | None, log: Log) -> list[Figure]:
     """Return the number of planted changes that are found.
 
     Args:
-        recordings: number of recordings.
+        recordings: number of recordings to make; at least one of each campaign.
         folder: of recordings, which are made if it is empty; None for a temporary one.
         log: called with a line on each change.
     """
@@ -154,6 +154,7 @@ def measure(recordings: int, folder: Path | None, log: Log) -> list[Figure]:
         if not any(runs.glob(f"*{SUFFIX}")):
             log(f"regressions: recording {recordings} runs ...")
             record(runs, recordings)
+        recordings = len([*runs.glob(f"*{SUFFIX}")])
         # Forked, so that each process plants the changes of the code in its own memory.
         with ProcessPoolExecutor(JOBS, get_context("fork")) as pool:
             found = []
@@ -175,9 +176,10 @@ def record(folder: Path, count: int) -> None:
         for run in range(max(1, share * count // WHOLE)):
             drawn = draw(campaign, run * APART)
             changes = [each for each in drawn.changes if each.key != "settings.sensors"]
-            duration = Override("duration", str(DURATIONS_S.get(name, DURATION_S)))
-            made = (*changes, Override.parse(SENSORS), duration)
+            made = (*changes, Override.parse(SENSORS))
             scenario = load_scenario(drawn.scenario, RunMode.LOCK_STEP, made)
+            # Behind the reader, which refuses entries of the timeline after the end.
+            scenario = replace(scenario, duration_s=DURATIONS_S.get(name, DURATION_S))
             path = folder / f"{name}-{run:02d}{SUFFIX}"
             with closing(RunFile(path)) as tape, tempfile.TemporaryDirectory() as data:
                 run_in_lock_step(scenario, Path(data), tape)
