@@ -251,7 +251,7 @@ export class StatusBar extends View {
     setText(this.#doing, rover ? doingOf(rover) : this.session.unreached());
   }
 
-  /** @param {HTMLElement} element @param {LinkStatus} link */
+  /** @param {HTMLElement} element @param {LinkStatus} status */
   #drawLink(element, status) {
     const { link, state, uri, since, detail, last_received: lastReceived } = status;
     const roundTrip_s = this.#rover.roundTripOf(status);
