@@ -3,7 +3,6 @@
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Protocol
 
 from executive.commands import (
     PLAN_LINK,
@@ -110,6 +109,7 @@ class Goal:
 
     Attributes:
         batch: number of the ledger's batch with its ACCEPTED; it starts once that is committed.
+        after: life cycle of the unfinished command that it must follow; None for none.
         progress: progress through its steps.
         request: the request in the frame of the pose, by the last transform that was used.
         leg: the leg as last planned, or a leg of the detour to it.
@@ -127,6 +127,7 @@ class Goal:
     ) -> None:
         self.lifecycle = lifecycle
         self.batch = batch
+        self.after: CommandLifecycle | None = None
         self.arrived_s = arrived_s
         self.arrived_utc_s = arrived_utc_s
         self.started_s = 0.0
@@ -199,35 +200,35 @@ class Goal:
         return len(request.waypoints) if isinstance(request, FollowPath) else 1
 
     @property
+    def waits(self) -> bool:
+        """Whether the command that it must follow has not ended."""
+        return self.after is not None and not self.after.stage.terminal
+
+    @property
     def is_velocity(self) -> bool:
         """Whether the goal holds a velocity instead of reaching a target."""
         return isinstance(self.command.request, DriveFor)
 
 
-class StartRules(Protocol):
-    """Preconditions of goals."""
-
-    def must_wait(self, goal: Goal) -> bool:
-        """Return whether a goal must not start yet."""
-        ...
-
-    def check_start(self, goal: Goal) -> Refusal | None:
-        """Return why a goal that starts must not be executed, or None."""
-        ...
-
-
 class GoalQueue:
     """Goals of one branch of the tree in order of arrival; at most one is active.
+
+    A goal that waits for the command before it holds all goals behind it in an ordered queue, in
+    others only those of its source.
+
+    Args:
+        clock: the clock of lifetimes.
+        ordered: whether each goal starts where the one before it ends.
 
     Attributes:
         blocked_by: why waiting goals may not start; None if they may.
         durable: number of the last batch that is committed.
-        start_rules: decide when a goal starts, and whether; None for no precondition.
+        check_start: returns a refusal of a goal that starts, or None.
     """
 
-    def __init__(self, clock: Clock) -> None:
-        self._clock = clock
-        self.start_rules: StartRules | None = None
+    def __init__(self, clock: Clock, *, ordered: bool = False) -> None:
+        self._clock, self._ordered = clock, ordered
+        self.check_start: Callable[[Goal], Refusal | None] = lambda _: None
         self._waiting: deque[Goal] = deque()
         self.active: Goal | None = None
         self.blocked_by: Refusal | None = None
@@ -254,18 +255,11 @@ class GoalQueue:
 
     def activate_next(self) -> Goal | None:
         """Return the active goal, or start the next unexpired one that meets its precondition."""
-        while (
-            self.active is None
-            and self._waiting
-            and self._waiting[0].batch <= self.durable
-            and self.blocked_by is None
-        ):
-            goal, rules = self._waiting[0], self.start_rules
-            waited_s = self._clock.now_s() - goal.arrived_s
-            late = check_lifetime(goal.command, self._clock.utc_s(), goal.arrived_utc_s, waited_s)
-            if not late and rules is not None and rules.must_wait(goal):
+        while self.active is None and self.blocked_by is None:
+            goal, late = next(self._next_goals(), (None, None))
+            if goal is None:
                 break
-            self._waiting.popleft()
+            self._waiting.remove(goal)
             if late:
                 goal.lifecycle.expire(late)
                 continue
@@ -274,14 +268,29 @@ class GoalQueue:
             if goal.statistics is not None:
                 goal.statistics.begin()
             goal.lifecycle.start()
-            if rules is not None and (refusal := rules.check_start(goal)) is not None:
+            if (refusal := self.check_start(goal)) is not None:
                 self.fail_active(refusal)
         return self.active
 
+    def _next_goals(self) -> Iterator[tuple[Goal, Refusal | None]]:
+        """Yield the goals that may start now, and those that are too late, with the refusal."""
+        held = set[str]()
+        for goal in self._waiting:
+            if goal.batch > self.durable:
+                return
+            waited_s, source = self._clock.now_s() - goal.arrived_s, goal.command.identity.source
+            late = check_lifetime(goal.command, self._clock.utc_s(), goal.arrived_utc_s, waited_s)
+            if late or not (goal.waits or source in held):
+                yield goal, late
+            elif self._ordered:
+                return
+            else:
+                held.add(source)
+
     def set_durable(self, batch: int) -> bool:
-        """Permit goals up to a batch to start; return whether this releases the next one."""
+        """Permit goals up to a batch to start; return whether this releases one."""
         before, self.durable = self.durable, batch
-        return bool(self._waiting) and before < self._waiting[0].batch <= batch
+        return any(before < goal.batch <= batch for goal in self._waiting)
 
     def complete_active(self, text: str = "", figures: tuple[Figure, ...] = ()) -> None:
         """Complete the active goal successfully."""
@@ -330,7 +339,7 @@ class Goals:
     """
 
     def __init__(self, clock: Clock) -> None:
-        self.motion = GoalQueue(clock)
+        self.motion = GoalQueue(clock, ordered=True)
         self.camera = GoalQueue(clock)
         self.instant = GoalQueue(clock)
 
@@ -532,8 +541,9 @@ class Context:
     @property
     def _idle_text(self) -> str:
         plans, head = self.plans, next(iter(self.goals.motion), None)
-        if head is not None and (only := head.command.precondition) and only.after:
-            return f"{head.command.identity} {head.command.name} waits: {only}"
+        if head is not None and head.after is not None:
+            waiting = head.command
+            return f"{waiting.identity} {waiting.name} waits: {waiting.precondition}"
         if plans.executing is not None:
             return f"plan {plans.executing} {plans.waits or 'runs no motion now'}"
         if plans.suspended:

@@ -92,7 +92,7 @@ class Dispatcher:
         self._planner = planner
         self._preconditions = Preconditions(context, ledger)
         for queue in context.goals:
-            queue.start_rules = self._preconditions
+            queue.check_start = self._preconditions.check_start
         self._search_turns = 0
         self.ros_clients = RosClients(context, authority, notifications)
 
@@ -280,6 +280,7 @@ class Dispatcher:
                 self._replace_motion(lifecycle.command)
             start = self._expected_start_pose(lifecycle.command)
             goal = context.goals.add(request, lifecycle, self._ledger.last_batch)
+            goal.after = self._preconditions.pending(lifecycle.command)
             goal.localize(context.status, context.settings)
             if isinstance(request, Motion):
                 self._predictions.predict_motion(goal, request, start)

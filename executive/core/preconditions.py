@@ -1,6 +1,5 @@
 """`Preconditions` checks the precondition of a command on its arrival and at its start."""
 
-from contextlib import suppress
 from dataclasses import replace
 
 from executive.commands import (
@@ -15,6 +14,7 @@ from executive.commands import (
     Stop,
 )
 from executive.commands.intake import check_localized
+from executive.commands.lifecycle import CommandLifecycle
 from executive.goals import Context, Goal
 from executive.record import Ledger, LedgerError
 from executive.state import Uncertainty
@@ -48,8 +48,9 @@ class Preconditions:
         only = command.precondition
         if only is None or isinstance(command.request, Stop):
             return None
-        waits = self._may_wait(command)
-        if refusal := self._check_after(command, waits):
+        pending = self.pending(command)
+        waits = pending is not None and _may_follow(command, pending)
+        if not waits and (refusal := self._check_after(command, pending)):
             return refusal
         if only.mode is not None and self._context.mode is not only.mode:
             return self._wrong_mode(only.mode)
@@ -57,10 +58,12 @@ class Preconditions:
             return self._check_pose(only, start)
         return None if waits else self._check_pose(only, self._context.status.pose)
 
-    def must_wait(self, goal: Goal) -> bool:
-        """Return whether the command that a goal must follow has not ended yet."""
-        only = goal.command.precondition
-        return only is not None and only.after is not None and self._is_pending(goal.command)
+    def pending(self, command: Command) -> CommandLifecycle | None:
+        """Return the life cycle of the unfinished command that a command must follow, or None."""
+        ahead, latches = _predecessor(command), self._context.latches
+        goals = (goal.lifecycle for queue in self._context.goals for goal in queue)
+        found = (each for each in (*goals, *latches.stopping) if each.command.identity == ahead)
+        return next(found, None)
 
     def check_start(self, goal: Goal) -> Refusal | None:
         """Return a refusal of a goal at its start, or None.
@@ -70,56 +73,26 @@ class Preconditions:
         only, mode = goal.command.precondition, self._context.mode
         if only is None:
             return None
-        if refusal := self._check_after(goal.command, waits=False):
-            return refusal
+        if goal.after is not None and goal.after.stage is not Stage.EXECUTED:
+            return _not_executed(goal.after.command.identity, goal.after.stage)
         by_motion = isinstance(goal.request, Motion) and {only.mode, mode} <= _BY_MOTION
         if only.mode is not None and mode is not only.mode and not by_motion:
             return self._wrong_mode(only.mode)
         return self._check_pose(only, self._context.status.pose)
 
-    def _may_wait(self, command: Command) -> bool:
-        """Return whether a command waits in a queue until the command that it must follow ends."""
-        queued = isinstance(command.request, Motion | CameraWork | InstantCommand)
-        if not queued or not self._is_pending(command):
-            return False
+    def _check_after(self, command: Command, pending: CommandLifecycle | None) -> Refusal | None:
         ahead = _predecessor(command)
-        replaces = command.preemption is PreemptionPolicy.REPLACE
-        motions = self._context.goals.motion
-        return not (replaces and any(each.command.identity == ahead for each in motions))
-
-    def _is_pending(self, command: Command) -> bool:
-        """Return whether the command before it has not ended, or the ledger cannot be read."""
-        with suppress(LedgerError):
-            stage = self._stage_before(command)
-            return stage is not None and not stage.terminal
-        return True
-
-    def _stage_before(self, command: Command) -> Stage | None:
-        """Return the stage of the command that a command must follow; None if it is unknown."""
-        ahead = _predecessor(command)
-        if ahead is None or ahead == command.identity:
+        if ahead is None:
             return None
-        last = self._ledger.last_report(ahead)
-        return None if last is None else last.stage
-
-    def _check_after(self, command: Command, waits: bool) -> Refusal | None:
-        ahead = _predecessor(command)
-        if ahead is None or waits:
-            return None
+        if pending is not None:
+            return _not_executed(ahead, pending.stage)
         try:
-            stage = self._stage_before(command)
+            last = self._ledger.last_report(ahead)
         except LedgerError:
             text = f"only after {ahead}, but the ledger cannot be read"
             return Refusal(Reason.LEDGER_FAILED, text)
-        if stage is Stage.EXECUTED:
-            return None
-        found = "is not known aboard" if stage is None else f"is {stage.name}, not EXECUTED"
-        return Refusal(
-            Reason.PRECONDITION_COMMAND,
-            f"only after {ahead}, which {found}",
-            (Figure("command", ahead.command_id),),
-            cause=None if stage is None else ahead,
-        )
+        stage = None if last is None or ahead == command.identity else last.stage
+        return None if stage is Stage.EXECUTED else _not_executed(ahead, stage)
 
     def _wrong_mode(self, required: Mode) -> Refusal:
         text = f"only in mode {required.name}, but the mode is {self._context.mode.name}"
@@ -144,6 +117,23 @@ def _predecessor(command: Command) -> Identity | None:
     if only is None or only.after is None:
         return None
     return Identity(command.identity.source, only.after)
+
+
+def _may_follow(command: Command, pending: CommandLifecycle) -> bool:
+    """Return whether a command waits in a queue until an unfinished one ends."""
+    replaces = command.preemption is PreemptionPolicy.REPLACE
+    queued = isinstance(command.request, Motion | CameraWork | InstantCommand)
+    return queued and not (replaces and isinstance(pending.command.request, Motion))
+
+
+def _not_executed(ahead: Identity, stage: Stage | None) -> Refusal:
+    found = "is not known aboard" if stage is None else f"is {stage.name}, not EXECUTED"
+    return Refusal(
+        Reason.PRECONDITION_COMMAND,
+        f"only after {ahead}, which {found}",
+        (Figure("command", ahead.command_id),),
+        cause=None if stage is None else ahead,
+    )
 
 
 def _outside(at: OnlyAt, pose: Pose, uncertainty: Uncertainty) -> Refusal | None:

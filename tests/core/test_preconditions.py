@@ -13,6 +13,7 @@ from executive.commands import (
     Command,
     ConfirmPose,
     DriveFor,
+    ExecuteAction,
     Mode,
     MoveForward,
     OnlyAt,
@@ -182,6 +183,70 @@ def test_the_reason_of_a_waiting_motion_is_named(tmp_path: Path) -> None:
         bench.submit(MoveForward(0.5), 2, precondition=Precondition(after=1))
         bench.step()
         assert bench.executive.why == "standing: MOE:2 moveForward waits: only after number 1"
+
+
+def send(bench: Bench, source: str, number: int, request: Request, **options: object) -> None:
+    command = Command(Identity(source, number), request, "direct", **options)  # type: ignore[arg-type]
+    assert isinstance(bench.send(command), Accepted)
+
+
+def last_stage(bench: Bench, source: str, number: int) -> Stage | None:
+    report = bench.ledger.last_report(Identity(source, number))
+    return None if report is None else report.stage
+
+
+@pytest.mark.parametrize("request_", [PICTURE, ExecuteAction("VIDEO ON")])
+def test_a_waiting_command_holds_only_later_ones_of_its_source(
+    tmp_path: Path, request_: Request
+) -> None:
+    with Bench(tmp_path) as bench:
+        bench.submit(MoveForward(1.0), 1)
+        bench.submit(request_, 2, precondition=Precondition(after=1))
+        bench.submit(request_, 3)
+        bench.submit(request_, 4, lifetime_s=0.2)
+        send(bench, "EUROPE", 1, request_)
+        send(bench, "EUROPE", 2, request_, precondition=Precondition(after=1))
+        bench.run(0.5)
+        assert [last_stage(bench, "EUROPE", each) for each in (1, 2)] == [Stage.EXECUTED] * 2
+        assert [bench.stages(each)[-1] for each in (2, 3)] == [Stage.ACCEPTED] * 2
+        assert bench.stages(4)[-1] is Stage.EXPIRED
+        assert [bench.finish(each) for each in (1, 2, 3)] == [Stage.EXECUTED] * 3
+
+
+def test_a_motion_waits_behind_a_waiting_one_of_another_source(tmp_path: Path) -> None:
+    with Bench(tmp_path) as bench:
+        bench.rover.camera_works = False
+        bench.submit(PICTURE, 1)
+        bench.submit(MoveForward(0.5), 2, precondition=Precondition(after=1))
+        send(bench, "EUROPE", 1, MoveForward(0.5))
+        bench.run(0.5)
+        assert last_stage(bench, "EUROPE", 1) is Stage.ACCEPTED  # it starts at the end of MOE:2
+
+
+@pytest.mark.parametrize("end", ["stop", "crash"])
+def test_a_waiting_command_ends_with_a_stop_or_the_process(tmp_path: Path, end: str) -> None:
+    with Bench(tmp_path) as bench:
+        bench.submit(MoveForward(1.0), 1)
+        bench.submit(PICTURE, 2, precondition=Precondition(after=1))
+        bench.run(0.5)
+        if end == "stop":
+            bench.execute(Stop(), 3)
+        else:
+            bench.crash()
+            bench.run(1.0)
+        assert bench.stages(2)[-1] is Stage.CANCELLED
+        refusal = bench.refusal(PICTURE, 4, precondition=Precondition(after=2))
+        assert "MOE:2, which is CANCELLED" in refusal.text
+
+
+def test_it_fails_if_the_one_before_is_replaced(tmp_path: Path) -> None:
+    with Bench(tmp_path) as bench:
+        bench.submit(MoveForward(1.0), 1)
+        bench.submit(PICTURE, 2, precondition=Precondition(after=1))
+        bench.replace(MoveForward(0.2), 3)
+        assert bench.finish(2) is Stage.FAILED
+        assert "MOE:1, which is CANCELLED" in bench.last(2).text
+        assert bench.finish(3) is Stage.EXECUTED
 
 
 def test_it_waits_until_the_ledger_can_be_read(
