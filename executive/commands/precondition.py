@@ -111,7 +111,9 @@ class Precondition:
         return (self.at, self.after, self.mode) != (None, None, None)
 
     @classmethod
-    def from_wire(cls, at: str | None, after: int | None, mode: str | None) -> "Self | None":
+    def from_wire(
+        cls, at: str | None, after: int | None = None, mode: str | None = None
+    ) -> "Self | None":
         """Return the precondition of its values on a link; None without one.
 
         Raises:

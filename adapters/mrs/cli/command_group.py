@@ -127,17 +127,11 @@ def _names(parameters: list[click.Parameter]) -> set[str]:
     return {name for each in parameters if isinstance(each, click.Option) for name in each.opts}
 
 
-class OnlyAtType(click.ParamType[OnlyAt]):
-    """`X,Y,WITHIN` or `X,Y,WITHIN,HEADING,WITHIN`."""
-
-    name = "place"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return an `OnlyAt`."""
-        try:
-            return value if isinstance(value, OnlyAt) else OnlyAt.read(str(value))
-        except ValueError as error:
-            self.fail(str(error), param, ctx)
+def _only_at(_: click.Context, __: click.Parameter, text: str | None) -> OnlyAt | None:
+    try:
+        return None if text is None else OnlyAt.read(text)
+    except ValueError as error:
+        raise click.BadParameter(str(error)) from error
 
 
 def _positive(_: click.Context, __: click.Parameter, seconds: float | None) -> float | None:
@@ -215,7 +209,7 @@ def _refuse_asset(ctx: click.Context, _: click.Parameter, name: str | None) -> N
 )
 @click.option(
     "--only-at",
-    type=OnlyAtType(),
+    callback=_only_at,
     metavar="X,Y,WITHIN[,HEADING,WITHIN]",
     help="Refuse it unless the rover is there at its start: 3,2,0.5 or 3,2,0.5,90deg,10deg.",
 )

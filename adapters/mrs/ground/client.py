@@ -265,7 +265,7 @@ class MrsClient(Queries):
         for attempt in range(MAX_ATTEMPTS):
             consumer = await self._session.consumer()
             try:
-                if command.precondition and not await consumer.lists(*LIST_PRECONDITIONS):
+                if command.precondition and not await self.supports_preconditions():
                     raise NotServedError(f"{self._session.uri} does not support preconditions")
                 await consumer.submit(
                     call.service,

@@ -8,7 +8,6 @@ from adapters.mrs import spec as wire
 from adapters.mrs.ground.session import RoverSession
 from adapters.mrs.spec import (
     CHECK_LIMIT_S,
-    LIST_PRECONDITIONS,
     AssetInfo,
     AssetStatus,
     CameraState,
@@ -200,10 +199,6 @@ class Queries:
     async def get_camera_state(self) -> CameraState:
         """Return camera angles, NaN if unknown, and whether video is on."""
         return await self._one(CameraState, "Camera", "getState")
-
-    async def list_preconditions(self) -> tuple[str, ...]:
-        """Return the names of the supplements of preconditions that the rover supports."""
-        return await self._list(str, *LIST_PRECONDITIONS)
 
     async def get_status_interval_s(self) -> float:
         """Return the telemetry interval in s; 0 for on change."""

@@ -1,5 +1,7 @@
 """Converts the header and the message supplements of a command, in both directions."""
 
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any, Final, TypeVar
 
@@ -11,6 +13,7 @@ from executive.commands import (
     DIRECT_LINK,
     Command,
     FollowPath,
+    Mode,
     MoveTo,
     Precondition,
     PreemptionPolicy,
@@ -21,6 +24,7 @@ from executive.settings import TargetFrame
 from executive.values.reports import Identity
 
 R = TypeVar("R", bound=Request)
+T = TypeVar("T")
 
 LINK: Final = DIRECT_LINK
 PREEMPTION: Final = "preemption"
@@ -30,11 +34,11 @@ TARGET_FRAME: Final = "frame"
 AUTHORITY: Final = "authority"
 """Supplement for the epoch of the authority."""
 PRECONDITIONS: Final = {
-    "onlyAt": AttributeType.STRING,
-    "onlyAfter": AttributeType.LONG,
-    "onlyMode": AttributeType.IDENTIFIER,
+    "onlyAt": (AttributeType.STRING, "X Y WITHIN [HEADING WITHIN], bounds above 0"),
+    "onlyAfter": (AttributeType.LONG, "a command number, from 1"),
+    "onlyMode": (AttributeType.IDENTIFIER, f"a mode: {', '.join(Mode.__members__)}"),
 }
-"""Supplements of the precondition, in the order of `Precondition.wire_values`."""
+"""Supplements of the precondition, in the order of `Precondition.wire_values`: type and values."""
 LIST_PRECONDITIONS: Final = ("Status", "listPreconditions")
 """Operation of assets that obey them; others ignore unknown supplements."""
 
@@ -68,8 +72,8 @@ def command_of(
         counter=header.counter,
         report_started=header.reportStarted,
         report_progress=header.reportProgress,
-        preemption=_preemption(supplements) if supplements else PreemptionPolicy.APPEND,
-        authority=_authority(supplements) if supplements else None,
+        preemption=_preemption(supplements),
+        authority=_read(AUTHORITY, AttributeType.LONG, "the epoch", int, supplements),
         peer=peer,
         precondition=_precondition(supplements) if supplements else None,
     )
@@ -101,7 +105,7 @@ def supplements_of(command: Command) -> tuple[NamedValue, ...]:
     if command.precondition is not None and not isinstance(command.request, Stop):
         found += [
             (name, TypedAttribute(kind, value))
-            for (name, kind), value in zip(
+            for (name, (kind, _)), value in zip(
                 PRECONDITIONS.items(), command.precondition.wire_values, strict=True
             )
             if value is not None
@@ -120,47 +124,40 @@ def frame_supplements(request: Request) -> tuple[NamedValue, ...]:
     return (NamedValue(name=TARGET_FRAME, value=value),)
 
 
-def _supplement(name: str, supplements: tuple[NamedValue, ...]) -> list[TypedAttribute | None]:
-    return [supplement.value for supplement in supplements if supplement.name == name]
-
-
-def _authority(supplements: tuple[NamedValue, ...]) -> int | None:
-    match _supplement(AUTHORITY, supplements):
+def _read(
+    name: str,
+    kind: AttributeType,
+    expected: str,
+    read: Callable[[Any], T],
+    supplements: tuple[NamedValue, ...],
+) -> T | None:
+    """Return the value of a supplement, None without it; raise MalError: Invalid if it is wrong."""
+    match [supplement.value for supplement in supplements if supplement.name == name]:
         case []:
             return None
-        case [TypedAttribute(type=AttributeType.LONG, value=int(epoch))]:
-            return epoch
-        case _:
-            raise with_text(AreaError.INVALID, f"supplement {AUTHORITY}: one Long, the epoch")
-
-
-def _precondition(supplements: tuple[NamedValue, ...]) -> Precondition | None:
-    """Return the precondition of a command; raise MalError: Invalid if it cannot be read."""
-    found, values = None, list[Any]((None, None, None))
-    for position, (name, kind) in enumerate(PRECONDITIONS.items()):
-        match _supplement(name, supplements):
-            case []:
-                continue
-            case [TypedAttribute(type=given, value=value)] if given is kind:
-                values[position] = value
-            case _:
-                raise with_text(AreaError.INVALID, f"supplement {name}: one {kind.name.title()}")
-        try:
-            found = Precondition.from_wire(*values)
-        except ValueError as error:
-            raise with_text(AreaError.INVALID, f"supplement {name}: {error}") from error
-    return found
+        case [TypedAttribute(type=given, value=value)] if given is kind:
+            with suppress(ValueError):
+                return read(value)
+    text = f"supplement {name}: one {kind.name.title()}, {expected}"
+    raise with_text(AreaError.INVALID, text)
 
 
 def _preemption(supplements: tuple[NamedValue, ...]) -> PreemptionPolicy:
-    match _supplement(PREEMPTION, supplements):
-        case []:
-            return PreemptionPolicy.APPEND
-        case [TypedAttribute(type=AttributeType.IDENTIFIER, value=text)] if text in _POLICIES:
-            return PreemptionPolicy(text)
-        case _:
-            text = f"supplement {PREEMPTION}: one Identifier, {' or '.join(sorted(_POLICIES))}"
-            raise with_text(AreaError.INVALID, text)
+    kind, expected = AttributeType.IDENTIFIER, "append or replace"
+    found = _read(PREEMPTION, kind, expected, PreemptionPolicy, supplements)
+    return found or PreemptionPolicy.APPEND
+
+
+def _precondition(supplements: tuple[NamedValue, ...]) -> Precondition | None:
+    values = list[Any]()
+
+    def check(value: Any) -> Any:
+        Precondition.from_wire(*(*values, value))
+        return value
+
+    for name, (kind, expected) in PRECONDITIONS.items():
+        values.append(_read(name, kind, expected, check, supplements))
+    return Precondition.from_wire(*values)
 
 
 def framed(request: R, supplements: tuple[NamedValue, ...]) -> R:
@@ -171,15 +168,5 @@ def framed(request: R, supplements: tuple[NamedValue, ...]) -> R:
     """
     if not isinstance(request, MoveTo | FollowPath):
         return request
-    match _supplement(TARGET_FRAME, supplements):
-        case []:
-            return request
-        case [TypedAttribute(type=AttributeType.IDENTIFIER, value=text)] if text in _FRAMES:
-            return replace(request, frame=TargetFrame(text))
-        case _:
-            text = f"supplement {TARGET_FRAME}: one Identifier, {' or '.join(sorted(_FRAMES))}"
-            raise with_text(AreaError.INVALID, text)
-
-
-_FRAMES: Final = {frame.value for frame in TargetFrame}
-_POLICIES: Final = {policy.value for policy in PreemptionPolicy}
+    frame = _read(TARGET_FRAME, AttributeType.IDENTIFIER, "map or odom", TargetFrame, supplements)
+    return request if frame is None else replace(request, frame=frame)
