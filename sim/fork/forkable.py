@@ -41,9 +41,10 @@ from executive.record import LedgerError
 from executive.settings import LocomotionKind, Settings, SettingsError
 from executive.values.geometry import Pose
 from sim.fork.changed import changed_settings, changed_timeline, identities
-from sim.fork.continued import ContinuedLockStep, Seam
+from sim.fork.continued import ContinuedLockStep
 from sim.fork.model import Change, Fidelity, ForkOutcome, ForkRun, Placing, WhatIf
 from sim.fork.noise import change_noise
+from sim.fork.placing import PlacedRover
 from sim.fork.run_log import RunLog, first_difference
 from sim.rover import Rock, StartPose, World
 from sim.rover.lockstep import STEP_S, LockStep
@@ -228,16 +229,13 @@ class Forkable:
         world, settings = self._simulation and self._simulation.world, scenario.settings
         base = self._simulation or Simulation(scenario.world)
         simulation = replace(base, world=scenario.world, seed=scenario.seed)
-        parts = settings.sensors, settings.mux
-        same = simulation == self._simulation and parts == (
-            self.settings.sensors,
-            self.settings.mux,
-        )
+        parts = (self.settings.sensors, self.settings.mux)
+        same = simulation == self._simulation and parts == (settings.sensors, settings.mux)
         latest_s = self._latest_s(scenario.timeline, change, at_s)
         late = SimulationStarted not in self._log.kinds
-        seam = Seam(simulation, same, scenario.world == world, late, latest_s)
         try:
-            lock = ContinuedLockStep(self._steps, settings, seam, folder, sink)
+            rover = PlacedRover(settings, simulation, same, scenario.world == world, late)
+            lock = ContinuedLockStep(self._steps, settings, rover, latest_s, folder, sink)
         except ValueError as error:
             raise SettingsError(f"the rover cannot be simulated from there: {error}") from error
         record = Record(self._log.utc_s, folder)
@@ -265,8 +263,9 @@ class Forkable:
     def _scanned(self) -> World:
         """Level ground with the obstacles that the laser measured until the end."""
         with tempfile.TemporaryDirectory(prefix="rover-fork-") as folder:
-            seam = Seam(Simulation(World(start=self._origin)), False, False, late=False)
-            lock = ContinuedLockStep(self._steps, self.settings, seam, Path(folder), RunLog())
+            rover = PlacedRover(self.settings, Simulation(World(start=self._origin)), exact=False)
+            args = self._steps, self.settings, rover, inf, Path(folder), RunLog()
+            lock = ContinuedLockStep(*args)
             found = lock.executive.status.obstacles.scanned
             lock.executive.simulate_crash()
         rocks = tuple(Rock(each.x_m, each.y_m, each.radius_m, SCANNED_M) for each in found)

@@ -70,7 +70,7 @@ def follow(
         if rover is not None and found.placing is None and now_s > at_s + 1e-6:
             found.placing = rover.start(at_s)
         if rover is not None and found.placing is not None:
-            rover.simulated.advance(now_s - rover.simulated.time_s)
+            rover.advance(now_s - rover.time_s)
         if isinstance(step, ProcessStart):
             rover = rover or PlacedRover(step.settings, simulation, exact, same_ground=True)
             core = ReplayedCore(step, folder / str(number), rover)
@@ -85,5 +85,5 @@ def follow(
                 rover.take(step)
             if isinstance(step, Truth) and found.placing is not None:
                 found.recorded.append(step.pose)
-                found.simulated.append(rover.simulated.true_pose)
+                found.simulated.append(rover.true_pose)
     return found

@@ -8,7 +8,7 @@ from typing import Final
 import pytest
 import yaml
 
-from executive.core.recording import FactObserved, Item, SimulationState
+from executive.core.recording import FactObserved, Item
 from executive.settings import load_settings
 from executive.values.facts import Odometry
 from executive.values.geometry import Pose, Velocity
@@ -56,19 +56,13 @@ def items(tmp_path_factory: pytest.TempPathFactory) -> list[Item]:
     return found
 
 
-@pytest.mark.parametrize("at_s", [0.05, 1.55, 2.34, 3.9, 6.0])
+@pytest.mark.parametrize("at_s", [0.35, 1.55, 2.34, 3.9, 6.0])
 def test_a_recorded_state_is_continued_bit_for_bit(
     items: list[Item], at_s: float, tmp_path: Path
 ) -> None:
     found = follow(items, at_s, tmp_path)
-    assert found.placing is (Placing.STATE if at_s > 0.08 else Placing.PHYSICS)
+    assert found.placing is Placing.STATE
     assert len(found.recorded) > 10
-    assert found.simulated == found.recorded
-
-
-def test_physics_is_repeated_where_no_state_was_recorded(items: list[Item], tmp_path: Path) -> None:
-    found = follow([each for each in items if not isinstance(each, SimulationState)], 2.4, tmp_path)
-    assert found.placing is Placing.PHYSICS
     assert found.simulated == found.recorded
 
 
@@ -104,7 +98,7 @@ def test_odometry_of_another_clock_continues_in_stamp_and_pose() -> None:
         rover.enter(FactObserved(10 + 0.02 * number, 0.0, fact))
     assert rover.start(11.0) is Placing.ODOMETRY
     rover.drive(Velocity(0.5, 0.0))
-    rover.simulated.advance(0.2)
+    rover.advance(0.2)
     found = [each for each in rover.facts() if isinstance(each, Odometry)]
     stamps_s = [each.stamp_s for each in (recorded[-1], *found)]
     steps_s = [b - a for a, b in pairwise(stamps_s)]
