@@ -104,7 +104,7 @@ class Forkable:
             log.utc_s,
             path,
             reports=log.reports,
-            poses=log.truths,
+            poses=log.truths or log.odometry,
             requested=[AdmittedRequest(*each) for each in log.requests.items()],
             sendings=sendings,
             simulated_s=log.now_s,
@@ -238,8 +238,10 @@ class Forkable:
             lock = ContinuedLockStep(self._steps, settings, rover, latest_s, folder, sink)
         except ValueError as error:
             raise SettingsError(f"the rover cannot be simulated from there: {error}") from error
-        record = Record(self._log.utc_s, folder)
         began_s, core_s = lock.time_s, self._log.core_s or 0.0
+        poses = [each for each in self.recorded.record.poses if each.time_s < began_s]
+        requested = [*self.recorded.record.requested]
+        record = Record(self._log.utc_s, folder, poses=poses, requested=requested)
         played = {i: s for i, s in self._played_s.items() if s <= began_s + ALMOST_S}
         forked = run(scenario, lock, record)
         for index, time_s in played.items():

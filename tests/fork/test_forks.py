@@ -38,6 +38,7 @@ from sim.rover import World
 from sim.rover.faults import LeftWheelsStuck
 from sim.rover.simulation import Simulation
 from sim.scenario.changes import Override
+from sim.scenario.truth import true_ends
 from tests.fork.conftest import SHORT, play
 
 
@@ -145,6 +146,14 @@ def test_a_recording_without_a_timeline_is_continued_from_its_state(
     assert fork.outcome.at_s == 1.5
     (lacking,) = live.recorded.outcome.lacks
     assert "/sim/timeline is missing" in lacking
+
+
+def test_the_record_of_a_fork_within_a_motion_has_all_of_it(tmp_path: Path) -> None:
+    play(tmp_path, "motion_forward", "duration=3", "command.go.distance=0.6")
+    without = (TimelineStarted,)
+    live = Forkable(rewritten(tmp_path / "run.mcap", tmp_path / "live.mcap", without=without))
+    (end,) = true_ends(live.fork(Change(), 1.6).record)
+    assert (end.label, end.wrong) == ("MOE:1", "")
 
 
 def test_a_live_simulation_on_another_clock_is_placed_before_its_first_state(
