@@ -5,7 +5,6 @@ They follow from the declarations of faults, settings and commands, and stay wit
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from math import inf, log
 from typing import Any, Final
 
@@ -61,8 +60,7 @@ class Candidate:
 
 def candidate(figures: Sequence[Adjustable], factor: float) -> Candidate:
     """Return the candidate that changes all figures by the same factor."""
-    values = [each.by(factor) for each in figures]
-    pairs = [*zip(figures, values, strict=True)]
+    pairs = [(each, each.by(factor)) for each in figures]
     settings = [Override(each.key, f"{value:.6g}") for each, value in pairs if not each.request]
     replaced = [each.request(value) for each, value in pairs if each.request]
     size = round(sum(abs(log(value / each.recorded)) for each, value in pairs), 6)
@@ -108,13 +106,9 @@ def speeds_of(settings: Settings) -> Iterator[Adjustable]:
 def controllers_for(request: Request, settings: Settings) -> Iterator[Candidate]:
     """Yield the other controllers that can drive the motion of a command."""
     now = requested_controller(request, settings.controller)
-    can = {
-        Controller.TURN_DRIVE: True,
-        Controller.MPC: find_spec("casadi") is not None,
-        Controller.NAVIGATION: settings.navigation is not None,
-    }
     for other in Controller:
-        if now is not None and other is not now and can[other]:
+        is_set = other is not Controller.NAVIGATION or settings.navigation is not None
+        if now is not None and other is not now and is_set:
             text = f"controller={other.value} (recorded {now.value})"
             yield Candidate(Change(controller=other), (False, 1, round(log(2.0), 6), text), text)
 

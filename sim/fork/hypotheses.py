@@ -25,7 +25,6 @@ from sim.rover.faults import (
 )
 
 APART_M: Final = 0.03
-APART_RAD: Final = 0.03
 """Difference of two odometries after which they depart; chosen, above the noise of two runs."""
 LEAD_S: Final = 0.2
 """Time from the begin of a fault to that difference; chosen."""
@@ -60,12 +59,8 @@ class Hypothesis:
 
     def __str__(self) -> str:
         ((name, figures),) = format_fault(self.fault.fault).items()
-        given = ", ".join(
-            f"{key} {value:.3g}" if isinstance(value, float) else f"{key} {value}"
-            for key, value in figures.items()
-        )
-        given = f" ({given})" if given else ""
-        return f"{name}{given} from {self.fault.begin_s:.2f} s: score {self.score:.2f}"
+        given = "".join(f", {key} {value}" for key, value in figures.items())
+        return f"{name}{given}, from {self.fault.begin_s:.2f} s: score {self.score:.2f}"
 
 
 def rank(
@@ -129,7 +124,9 @@ def _others(fault: AddedFault) -> Iterator[AddedFault]:
 
 def score(recorded: ForkRun, forked: ForkRun) -> float:
     """Return how far a fork is from the recording: outcomes, ends and odometry."""
-    total = _apart_m(recorded, forked) / OFF_M
+    end_s = max((each.end_s for each in recorded.outcome.commands), default=0.0) + END_S
+    apart_m = [each for time_s, each in _differences(recorded, forked) if time_s <= end_s]
+    total = sum(apart_m) / max(len(apart_m), 1) / OFF_M
     ends = {each.command: each for each in forked.outcome.commands}
     for each in recorded.outcome.commands:
         end = ends.get(each.command)
@@ -141,29 +138,18 @@ def score(recorded: ForkRun, forked: ForkRun) -> float:
     return total
 
 
-def _apart_m(recorded: ForkRun, forked: ForkRun) -> float:
-    """Return the mean distance of two odometries until the commands ended; 1 rad counts as 1 m."""
-    end_s = max((each.end_s for each in recorded.outcome.commands), default=0.0) + END_S
-    apart = [each for each in _differences(recorded, forked) if each[0] <= end_s]
-    return sum(off_m + off_rad for _, off_m, off_rad in apart) / max(len(apart), 1)
-
-
 def _departs_s(recorded: ForkRun, unchanged: ForkRun) -> float:
     """Return when two odometries depart, at the latest the end of a command that ends otherwise."""
     kinds = set(unchanged.outcome.kinds)
     ends_s = [each.end_s for each in recorded.outcome.commands if each.kind not in kinds]
-    apart = (
-        time_s
-        for time_s, off_m, off_rad in _differences(recorded, unchanged)
-        if off_m > APART_M or off_rad > APART_RAD
-    )
+    apart = (time_s for time_s, off_m in _differences(recorded, unchanged) if off_m > APART_M)
     return min([*ends_s, next(apart, inf), recorded.outcome.end_s])
 
 
-def _differences(one: ForkRun, other: ForkRun) -> Iterator[tuple[float, float, float]]:
-    """Yield time, distance and angle between two odometries at equal times."""
+def _differences(one: ForkRun, other: ForkRun) -> Iterator[tuple[float, float]]:
+    """Yield time and difference of two odometries at equal times; 1 rad counts as 1 m."""
     poses = {round(each.time_s, 3): each.pose for each in other.odometry}
     for each in one.odometry:
         if pose := poses.get(round(each.time_s, 3)):
             off_rad = abs(wrap_rad(pose.heading_rad - each.pose.heading_rad))
-            yield each.time_s, pose.point.distance_m(each.pose.point), off_rad
+            yield each.time_s, pose.point.distance_m(each.pose.point) + off_rad

@@ -34,7 +34,7 @@ from sim.fork.candidates import (
     speeds_of,
 )
 from sim.fork.model import Change, Fidelity
-from sim.fork.save import CONFIRMED, MAX_TOGETHER, Play, Trial, Verdict, judge, save
+from sim.fork.save import CONFIRMED, MAX_TOGETHER, Play, Verdict, judge, save
 from sim.scenario.changes import Override
 from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import Inject, RunMode, Scenario, Send
@@ -94,8 +94,8 @@ class FailedRun:
         return self.scenario.settings
 
 
-def changed(scenario: Scenario, change: Change, seed: int | None) -> Scenario:
-    """Return a scenario with a change and another seed."""
+def changed(scenario: Scenario, change: Change) -> Scenario:
+    """Return a scenario with a change."""
     settings = scenario.settings
     for each in change.settings:
         raw: object = float(each.value)
@@ -113,7 +113,7 @@ def changed(scenario: Scenario, change: Change, seed: int | None) -> Scenario:
             for each in timeline
         )
     timeline += tuple(Inject(at_s=each.begin_s, inject=each.fault) for each in change.faults)
-    seed = scenario.seed if seed is None else seed
+    seed = scenario.seed if change.seed is None else change.seed
     return replace(scenario, settings=settings, timeline=timeline, seed=seed)
 
 
@@ -134,11 +134,9 @@ def played(scenario: Scenario, tape: Path | None = None) -> Record:
 def scenario_play(run: FailedRun) -> Play:
     """Return a function that repeats the scenario itself."""
 
-    def play(trials: Sequence[Trial]) -> list[Verdict]:
-        return [
-            judge(run.command, run.record, played(changed(run.scenario, change, seed)))
-            for change, seed in trials
-        ]
+    def play(changes: Sequence[Change]) -> list[Verdict]:
+        runs = (played(changed(run.scenario, each)) for each in changes)
+        return [judge(run.command, run.record, each) for each in runs]
 
     return play
 
@@ -208,12 +206,12 @@ def brute_force(run: FailedRun, play: Play, seeds: Sequence[int]) -> tuple[Candi
         fresh = not found.keys() <= limits.keys()
         limits |= found
         extreme = [candidate([*limits.values()], FACTORS[-1])] if limits else []
-        ends = [each.end for each in play([(each.change, None) for each in extreme]) if each.end]
+        ends = [each.end for each in play([each.change for each in extreme]) if each.end]
     figures: list[Sequence[Adjustable]] = [
         group
         for together in range(1, MAX_TOGETHER + 1)
         for group in combinations(limits.values(), together)
-        if together == 1 or play([(candidate(group, FACTORS[-1]).change, None)])[0].saved
+        if together == 1 or not play([candidate(group, FACTORS[-1]).change])[0].text
     ]
     figures += [[each] for each in speeds_of(run.settings)]
     figures += [[each] for each in arguments_of(run.command, run.request)]
@@ -221,7 +219,7 @@ def brute_force(run: FailedRun, play: Play, seeds: Sequence[int]) -> tuple[Candi
     unchanged = _saved(play, Change(), seeds)
     least = max(unchanged, ceil(CONFIRMED * len(seeds)))
     for each in sorted(every, key=lambda found: found.order):
-        if play([(each.change, None)])[0].saved:
+        if not play([each.change])[0].text:
             saved = _saved(play, each.change, seeds)
             if saved >= least:
                 return each, saved
@@ -229,11 +227,11 @@ def brute_force(run: FailedRun, play: Play, seeds: Sequence[int]) -> tuple[Candi
 
 
 def _saved(play: Play, change: Change, seeds: Sequence[int]) -> int:
-    return sum(each.saved for each in play([(change, seed) for seed in seeds]))
+    return sum(not each.text for each in play([replace(change, seed=seed) for seed in seeds]))
 
 
 def measure(number: int, seeds: int, seed: int, log: Callable[[str], None]) -> list[Figure]:
-    """Compare both searches over failed runs; log each run with a difference."""
+    """Compare both searches over failed runs; log each run."""
     same = savable = exact = 0
     cpu_s = []
     for run in failed_runs(number, seed):
@@ -249,8 +247,8 @@ def measure(number: int, seeds: int, seed: int, log: Callable[[str], None]) -> l
         savable += best is not None
         exact += answer.fidelity is Fidelity.BIT_EQUAL
         same += found == expected
-        if found != expected:
-            log(f"{run.name} {' '.join(run.changes)}: {found}, by the scenario {expected}")
+        agrees = "as" if found == expected else "not as"
+        log(f"{run.name} {' '.join(run.changes)}: {found}, {agrees} by the scenario {expected}")
     count = f"{number} failed runs, {seeds} seeds"
     return [
         Figure("same change and share", 100 * same / number, "%", count, Goal(95, at_least=True)),

@@ -17,7 +17,7 @@ from sim.fork.candidates import (
     speeds_of,
 )
 from sim.fork.model import Change
-from sim.fork.save import Saving, Search, Trial, Verdict
+from sim.fork.save import Saving, Search, Verdict
 
 JACKAL = load_settings("jackal")
 ID = Identity("MOE", 1)
@@ -115,18 +115,18 @@ class Monitors:
     unlucky: tuple[int, ...] = ()
     by_chance: bool = False
 
-    def play(self, trials: Sequence[Trial]) -> list[Verdict]:
-        return [self._verdict(*each) for each in trials]
+    def play(self, changes: Sequence[Change]) -> list[Verdict]:
+        return [*map(self._verdict, changes)]
 
-    def _verdict(self, change: Change, seed: int | None) -> Verdict:
-        given = {each.key: float(each.value) for each in change.settings}
-        if self.by_chance and change == Change() and seed is not None:
-            return Verdict("", None)
+    def _verdict(self, change: Change) -> Verdict:
+        given, seed = {each.key: float(each.value) for each in change.settings}, change.seed
+        if self.by_chance and change == Change(seed=seed) and seed is not None:
+            return Verdict("")
         for key, (least, report) in self.needed.items():
             saved = given.get(key, 0.0) >= least or {*map(str, change.settings)} & {*self.saving}
             if not saved or (seed in self.unlucky):
                 return Verdict(f"FAILED {report.reason}", report)
-        return Verdict("", None)
+        return Verdict("")
 
     def search(self) -> Saving:
         _, end = next(iter(self.needed.values()))
@@ -171,7 +171,7 @@ def test_no_change_saves_a_run_that_the_next_reason_ends() -> None:
     needed = {"faults.off_command.above": (0.2, COMMAND), "another": (1.0, OTHER)}
     found = Monitors(needed).search()
     assert (found.minimal, found.instead) == ("", f"FAILED {Reason.LEAF_RAISED}")
-    assert "no change of limits, speeds, controller or arguments saves it" in [*found.lines()]
+    assert "no change of limits, speeds, controller or arguments saves it" in next(found.lines())
 
 
 @pytest.mark.parametrize(("unlucky", "saved"), [((4,), 3), ((3, 4), 0)])

@@ -148,7 +148,7 @@ def test_a_recording_without_a_timeline_is_continued_from_its_state(
     assert "/sim/timeline is missing" in lacking
 
 
-def test_the_record_of_a_fork_within_a_motion_has_all_of_it(tmp_path: Path) -> None:
+def test_the_record_of_a_fork_within_a_motion_is_complete(tmp_path: Path) -> None:
     play(tmp_path, "motion_forward", "duration=3", "command.go.distance=0.6")
     without = (TimelineStarted,)
     live = Forkable(rewritten(tmp_path / "run.mcap", tmp_path / "live.mcap", without=without))

@@ -72,7 +72,7 @@ def test_the_best_faults_are_refined_by_their_begin_and_their_figures() -> None:
     assert isinstance(best, OdometryDrift)
     assert best.rate_mps == pytest.approx(0.17)
     assert ranked[0].fault.begin_s == pytest.approx(2.4, abs=0.1)
-    assert str(ranked[0]).startswith("odometry_drift (rate 0.17) from 2.4")
+    assert str(ranked[0]).startswith("odometry_drift, rate 0.17, from 2.4")
 
 
 def test_equal_odometry_puts_the_fault_to_the_end_of_the_command() -> None:
