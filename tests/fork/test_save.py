@@ -109,8 +109,8 @@ def test_a_run_is_saved_only_if_nothing_else_is_worse(stuck: Path) -> None:
     assert not judge(failed, repaired, repaired).text
     # The recording has a command after the failure, which is not sent without it.
     assert not judge(failed, recorded, repaired).text
-    elsewhere = [replace(each, pose=repaired.poses[0].pose) for each in repaired.poses]
-    assert "is not true" in judge(failed, repaired, replace(repaired, poses=elsewhere)).text
+    fixed = [replace(each, pose=repaired.poses[0].pose) for each in repaired.poses]
+    assert "is not true" in judge(failed, repaired, replace(repaired, poses=fixed)).text
     repaired.contacts = 2
     assert judge(failed, recorded, repaired).text == "2 contacts"
 
