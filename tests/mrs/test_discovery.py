@@ -18,6 +18,7 @@ from adapters.mrs.spec import (
     mrs_specification,
 )
 from adapters.mrs.transport import TransportSettings
+from executive.commands import Stop
 from tests.mrs.aboard import event
 
 REQUESTED = MalUri("tunnel", 5000, "MRS")
@@ -146,6 +147,24 @@ def test_calls_and_subscriptions_use_the_addresses_of_the_directory(round_trip_s
             parts.notify(1)
             assert await next_of(stream) == 1
             assert len(await client.get_services()) == 3
+
+    asyncio.run(scenario())
+
+
+def test_a_command_without_reports_of_its_end_is_not_waited_for() -> None:
+    """On a link with a delay it is sent before the directory is known."""
+    terms = TransportSettings(round_trip_s=1.0)
+
+    async def scenario() -> None:
+        rover = Provider(mrs_specification(), "MRS")
+        await rover.start()
+        services = tuple(descriptor(each, str(rover.uri)) for each in ("MotionControl", "Status"))
+        rover.serve("ServiceLayer", "getServices", lambda _: (services,))
+        rover.serve("MotionControl", "stop", lambda *_: None)
+        async with await MrsClient.connect(str(rover.uri), terms=terms) as client:
+            with pytest.raises(ConnectionError, match=r"accepted, but .* serve Notification"):
+                await asyncio.wait_for(client.run(client.command(Stop())), 20.0)
+        await rover.close()
 
     asyncio.run(scenario())
 

@@ -162,6 +162,26 @@ def test_a_link_lost_soon_after_the_directorys_answer_is_restored() -> None:
     assert session.ends == [Stage.EXECUTED]
 
 
+def test_after_a_loss_a_stop_arrives_one_light_time_after_the_new_connection() -> None:
+    session = Session(10.0)
+
+    async def work(client: MrsClient) -> None:
+        await asyncio.sleep(49.5)
+        stop = await client.run(client.command(Stop()))
+        session.ends = [stop.stage]
+        session.times_s["arrived"] = stop.reports[0].utc_s
+
+    settings = patient_settings(ADDRESS.asset)
+    with delayed_world(LinkConditions(10.0), RoverBelow(), settings) as world:
+        world.process("ground", HOST, partial(session.start, work)).begin()
+        world.at(50.0, world.processes["link"].kill)
+        world.at(51.0, world.processes["link"].begin)
+        world.run(95.0)
+        assert world.errors == []
+    assert session.ends == [Stage.EXECUTED]
+    assert session.times_s["arrived"] - world.start_utc_s < 51.0 + 5.0 + 0.5
+
+
 def test_without_a_rover_behind_the_link_a_client_learns_it() -> None:
     session = Session(10.0)
 

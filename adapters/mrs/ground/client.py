@@ -52,6 +52,8 @@ HEARTBEAT_S: Final = 1.0
 """Period of the heartbeat requests to the rover; chosen, not measured."""
 STORED_AFTER_S: Final = 1.0
 """Time without a report after which a command counts as stored at an orbiter."""
+REPORTS: Final = ("Notification", "monitorNotification")
+"""Service and operation of the reports of commands."""
 MAX_ATTEMPTS: Final = 8
 """Maximum transmissions of one command over new connections; chosen, not measured."""
 EPOCH_MS: Final = 1_767_225_600_000
@@ -106,6 +108,7 @@ class MrsClient(Queries):
         self.authority = SessionAuthority(self._send_authority_request, source)
         address, ends = parse_address(uri), (self._restore, self._on_reconnect_failed)
         timeout_s += terms.round_trip_s
+        patience_s += terms.round_trip_s if patience_s > 0.0 else 0.0
         session = RoverSession(address, source, terms, *ends, timeout_s, patience_s, system)
         super().__init__(session, terms.round_trip_s)
         self.delay = LinkDelay(terms.round_trip_s)
@@ -141,7 +144,8 @@ class MrsClient(Queries):
             source: source of its commands; None for the name of the certificate, MOE in clear
                 text.
             timeout_s: timeout of each answer, beyond the declared round-trip time of the link.
-            patience_s: maximum time of reconnection attempts after a loss; 0 for none.
+            patience_s: maximum time of reconnection attempts after a loss, beyond the declared
+                round-trip time; 0 for none.
             terms: encoding and certificates, the same as the rover's, and the link's delay.
             system: clock of messages.
 
@@ -225,12 +229,17 @@ class MrsClient(Queries):
             command: a command, as returned by `command`.
             on_report: called with each report of its life cycle on reception.
             on_stored: called with a text on its storage, if it waits at an orbiter.
+
+        Raises:
+            ConnectionError: also an asset that accepts commands without reports of their ends.
         """
         watch = CommandWatch(command, on_report)
         self._watches.append(watch)
         try:
-            (await self._session.consumer()).require("Notification", "monitorNotification")
+            if not isinstance(command.request, Stop):
+                (await self._session.consumer()).require(*REPORTS)
             await self.submit(command)
+            await self._check_reported(command)
             if on_stored is not None:
                 await self._report_if_stored(watch, on_stored)
             await watch.ended
@@ -239,6 +248,18 @@ class MrsClient(Queries):
             return replace(watch.outcome, refusal=refusal)
         finally:
             self._watches.remove(watch)
+
+    async def _check_reported(self, command: Command) -> None:
+        """Check the directory, which may have answered only after the command was sent."""
+        consumer = await self._session.consumer()
+        try:
+            await consumer.wait_discovered()
+            consumer.require(*REPORTS)
+        except NotServedError as error:
+            text = f"{command.identity} was accepted, but its end is not reported: {error}"
+            raise ConnectionError(text) from error
+        except MalError:  # the connection is lost; the next one is checked by its subscriptions
+            return
 
     async def _report_if_stored(
         self, watch: CommandWatch, on_stored: Callable[[str], None]
@@ -262,7 +283,8 @@ class MrsClient(Queries):
         A command with a precondition is sent only to an asset that announces support.
         """
         call = invocation(command.request)
-        for attempt in range(MAX_ATTEMPTS):
+        losses, was_sent = 0, False
+        while losses < MAX_ATTEMPTS:
             consumer = await self._session.consumer()
             try:
                 if command.precondition and not await self.supports_preconditions():
@@ -276,10 +298,12 @@ class MrsClient(Queries):
                 )
                 return
             except MalError as error:
-                if error.number == AreaError.DUPLICATE.value and attempt:
+                if error.number == AreaError.DUPLICATE.value and was_sent:
                     return
                 if error.number not in LINK_LOST_ERRORS:
                     raise
+                was_sent = True
+                losses += consumer.has_answered  # otherwise no rover received it
                 await self._session.drop(consumer)
         raise ConnectionError(
             f"{self._session.uri} disconnected {MAX_ATTEMPTS} times at"

@@ -189,7 +189,8 @@ class RoverConsumer:
         finally:
             self._answered.set()
 
-    async def _wait_discovered(self) -> None:
+    async def wait_discovered(self) -> None:
+        """Wait until the directory has answered; raises its error."""
         await self._answered.wait()
         if self._fault is not None:
             raise self._fault
@@ -209,7 +210,7 @@ class RoverConsumer:
 
     async def lists(self, service: str, operation: str) -> bool:
         """Whether the directory lists an operation; a directory without entries does not."""
-        await self._wait_discovered()
+        await self.wait_discovered()
         number = mrs_specification().operation(service, operation).number
         return number in self._locations.listed.get(service, ())
 
@@ -236,7 +237,7 @@ class RoverConsumer:
         self, service: str, operation: str, *parts: Any
     ) -> AsyncIterator[ProgressStream]:
         """Start a PROGRESS; the context is entered at its acknowledgement."""
-        await self._wait_discovered()
+        await self.wait_discovered()
         provider = await self._consumer_of(service, operation)
         async with provider.progress(service, operation, *parts) as progress:
             yield progress
@@ -269,7 +270,7 @@ class RoverConsumer:
         try:
             return await call(consumer)
         except MalError:
-            await self._wait_discovered()
+            await self.wait_discovered()
             if (listed := await find()) is consumer:
                 raise
             return await call(listed)

@@ -52,6 +52,9 @@ class LinkDelay:
         return self.declared_s >= NOTICEABLE_S
 
 
+Connected = tuple[RoverConsumer, asyncio.Future[None]]
+
+
 class UnknownHostError(ConnectionError):
     """The host name of an address cannot be resolved."""
 
@@ -119,7 +122,7 @@ class RoverSession:
         """Connect for the first time.
 
         On a link with a noticeable delay the directory's address is used for all services until
-        its answer, so that a command does not wait for it: a stop arrives after one light time.
+        its answer, also after a loss, so that a stop arrives after one light time.
 
         Args:
             patiently: whether to retry as after a loss.
@@ -127,16 +130,9 @@ class RoverSession:
         Raises:
             ConnectionError: no rover answers there.
         """
-        set_up: tuple[asyncio.Future[None], ...] = ()
-        if patiently or self._terms.round_trip_s < NOTICEABLE_S or self._restore is None:
-            consumer = await (self._reconnect() if patiently else self._connect())
-        else:
-            consumer = await self._dial()
-            steps = consumer.discover(self.uri), self._restore(consumer)
-            set_up = tuple(map(asyncio.ensure_future, steps))
-            await asyncio.sleep(0)  # both send their first request, before any command
-            self._use(consumer)
-        self._keeper = asyncio.create_task(self._reconnect_loop(consumer, *set_up))
+        end_s = asyncio.get_running_loop().time() + self._patience_s
+        begun = await (self._reconnect(end_s, None) if patiently else self._connect())
+        self._keeper = asyncio.create_task(self._restore_losses(*begun))
 
     async def consumer(self) -> RoverConsumer:
         """Return the consumer, once it is connected.
@@ -167,31 +163,33 @@ class RoverSession:
             if consumer is not None:
                 await consumer.close()
 
-    async def _reconnect_loop(self, consumer: RoverConsumer, *set_up: asyncio.Future[None]) -> None:
-        try:
-            await asyncio.gather(*set_up)
-            if set_up and consumer.is_distributed and self._restore is not None:
-                await self._restore(consumer)
-        except (MalError, ConnectionError) as error:
-            fault = self._wrong_answer(error) if isinstance(error, MalError) else error
-            if not (consumer.has_answered and _is_loss(error)):
-                self._fail(fault)
-                return await consumer.close()
+    async def _restore_losses(self, consumer: RoverConsumer, set_up: asyncio.Future[None]) -> None:
+        loop = asyncio.get_running_loop()
+        end_s: float | None = None
         while True:
-            await consumer.wait_lost()
+            try:
+                await set_up
+                if end_s is not None:
+                    _LOG.warning("connection with %s recovered", self.uri)
+                end_s = None
+                await consumer.wait_lost()
+                fault = ConnectionError(f"the connection with {self.uri} was lost")
+            except ConnectionError as error:
+                if end_s is None and not (consumer.has_answered and _is_loss(error.__cause__)):
+                    return self._fail(error)
+                fault = error
             self._settled.clear()
             await consumer.close()
-            waits = (
-                f": it is tried again for {self._patience_s:g} s" if self._patience_s > 0 else ""
-            )
-            _LOG.warning("connection with %s lost%s", self.uri, waits)
+            if end_s is None:
+                end_s = loop.time() + self._patience_s
+                waits = f": it is tried again for {self._patience_s:g} s" * (self._patience_s > 0)
+                _LOG.warning("connection with %s lost%s", self.uri, waits)
+            else:
+                await asyncio.sleep(RECONNECT_S)
             try:
-                if self._patience_s <= 0.0:
-                    raise ConnectionError(f"the connection with {self.uri} was lost")
-                consumer = await self._reconnect()
-            except ConnectionError as fault:
-                return self._fail(fault)
-            _LOG.warning("connection with %s recovered", self.uri)
+                consumer, set_up = await self._reconnect(end_s, fault)
+            except ConnectionError as error:
+                return self._fail(error)
 
     def _fail(self, fault: ConnectionError) -> None:
         self._consumer, self._fault = None, fault
@@ -199,40 +197,49 @@ class RoverSession:
         if self._on_failure is not None:
             self._on_failure(fault)
 
-    async def _reconnect(self) -> RoverConsumer:
+    async def _reconnect(self, end_s: float, fault: ConnectionError | None) -> Connected:
+        """Connect, with attempts until a time of the loop; raises the last fault."""
         loop = asyncio.get_running_loop()
-        end_s = loop.time() + self._patience_s
-        while True:
+        while fault is None or loop.time() < end_s:
             try:
                 return await self._connect()
-            except ConnectionError:
-                if loop.time() >= end_s:
-                    raise
+            except ConnectionError as error:
+                fault = error
                 await asyncio.sleep(RECONNECT_S)
+        raise fault
 
-    async def _dial(self) -> RoverConsumer:
+    async def _connect(self) -> Connected:
+        """Return a consumer with its set-up, which has ended unless the delay is noticeable."""
         try:
-            return RoverConsumer(await self._dialer.connect(self.uri), self._dialer)
+            consumer = RoverConsumer(await self._dialer.connect(self.uri), self._dialer)
         except MalError as error:
             raise self._no_answer(error) from error
+        set_up: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        if self._terms.round_trip_s < NOTICEABLE_S or self._restore is None:
+            await self._set_up(consumer, at_once=False)
+            set_up.set_result(None)
+        else:
+            set_up = asyncio.ensure_future(self._set_up(consumer, at_once=True))
+            for _ in range(2):  # directory and subscriptions are requested before any command
+                await asyncio.sleep(0)
+        self._consumer = consumer
+        self._settled.set()
+        return consumer, set_up
 
-    async def _connect(self) -> RoverConsumer:
-        consumer = await self._dial()
+    async def _set_up(self, consumer: RoverConsumer, *, at_once: bool) -> None:
+        restore = self._restore or _restore_nothing
         try:
-            await consumer.discover(self.uri)
-            if self._restore is not None:
-                await self._restore(consumer)
+            if at_once:
+                await asyncio.gather(consumer.discover(self.uri), restore(consumer))
+            else:
+                await consumer.discover(self.uri)
+            if not at_once or consumer.is_distributed:
+                await restore(consumer)
         except BaseException as error:
             await consumer.close()
             if isinstance(error, MalError):
                 raise self._wrong_answer(error) from error
             raise
-        self._use(consumer)
-        return consumer
-
-    def _use(self, consumer: RoverConsumer) -> None:
-        self._consumer = consumer
-        self._settled.set()
 
     def _no_answer(self, error: MalError) -> ConnectionError:
         if error.number == StandardError.AUTHENTICATION_FAILED.value:
@@ -263,8 +270,12 @@ class RoverSession:
         return ConnectionError(text)
 
 
-def _is_loss(error: Exception) -> bool:
+def _is_loss(error: BaseException | None) -> bool:
     return isinstance(error, MalError) and error.number == StandardError.DESTINATION_LOST.value
+
+
+async def _restore_nothing(_: RoverConsumer) -> None:
+    pass
 
 
 RENEWALS: Final = 3
