@@ -38,6 +38,7 @@ class CallContext:
     Attributes:
         transaction_id: The interaction, numbered by the caller.
         supplements: Named attributes of the header.
+        timestamp_ns: Time of sending by the caller's clock, ns since 1970 UTC, if it is stated.
     """
 
     service: str
@@ -46,6 +47,7 @@ class CallContext:
     transaction_id: int
     supplements: tuple[NamedValue, ...]
     connection: Connection
+    timestamp_ns: int | None = None
 
     @property
     def peer_name(self) -> str | None:
@@ -431,6 +433,7 @@ class Provider:
                     header.transaction_id,
                     header.supplements,
                     back.connection,
+                    header.timestamp_ns,
                 )
                 if header.stage not in (InteractionStage.INVOKE, InteractionStage.PROGRESS):
                     return self._handlers[name](call, *values)

@@ -1,11 +1,15 @@
 """What the rover takes for a sign of the ground on its direct link, and what not."""
 
 import asyncio
+import time
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 
-from adapters.mal import InteractionStage, Subscription
+from adapters.mal import InteractionStage, Subscription, encode_message
+from adapters.mal.codec import decode_message
+from adapters.mrs.aboard.served_operations import HeldMessages
 from adapters.mrs.ground import MrsClient
 from executive.commands import SetTravelSpeed, Stop
 from tests.benchmarks.octets import Octets
@@ -54,6 +58,28 @@ def test_a_command_is_a_sign_also_if_it_is_refused(
 ) -> None:
     octets.request(request_)
     assert silent_s(aboard) < 0.1
+
+
+def test_a_message_that_the_link_held_is_none(aboard: Aboard, octets: Octets) -> None:
+    now_ns = time.time_ns()
+    for age_s, expected in ((0, True), (100, False), (3, False), (1, True)):
+        message = octets.message("Status", "getStatus", InteractionStage.REQUEST)
+        header, body = decode_message(message)
+        stamped = replace(header, timestamp_ns=now_ns - age_s * 1_000_000_000)
+        octets.send(encode_message(stamped, body))
+        assert octets.reply()
+        assert (silent_s(aboard) < 0.1) is expected
+        silent_s(aboard, 5.0)
+
+
+def test_delays_of_messages_are_compared_not_clocks() -> None:
+    held = HeldMessages()
+    outage = [held.is_held(sent_s, sent_s + 5.0) for sent_s in (0.0, 1.0, 2.0)]
+    outage += [held.is_held(sent_s, 300.0 + sent_s / 1e3) for sent_s in (3.0, 4.0, 200.0, 294.0)]
+    assert outage == [False, False, False, True, True, True, False]
+    clock_set_back = [held.is_held(sent_s - 3600.0, sent_s + 5.0) for sent_s in (301.0, 302.0)]
+    assert clock_set_back == [True, False]
+    assert not held.is_held(-3290.0, 315.0)
 
 
 def test_requests_between_rovers_and_a_subscription_are_none(

@@ -4,13 +4,16 @@ import asyncio
 from collections import deque
 from collections.abc import Callable
 from functools import partial
+from math import inf
 from typing import Any, Final, TypeVar
+from weakref import WeakKeyDictionary
 
 from adapters.mal import (
     CallContext,
     Connection,
     Encoding,
     Handler,
+    Interaction,
     MalUri,
     Pattern,
     PeerLimits,
@@ -51,6 +54,10 @@ LIMITS: Final = PeerLimits(
 """Bounds of all clients of the link together. Useful lists have at most 1000 names; decoding
 `elements` elements takes less time than a stop may be late."""
 
+HELD_S: Final = 2.0
+"""Delay of held messages beyond the usual one, s; chosen, above usual jitter."""
+SEPARATE_S: Final = 0.5
+"""Time between arrivals that are no burst, s: half of a client's heartbeat period."""
 BETWEEN_ASSETS: Final = frozenset(
     {"ServiceLayer", "MonitoringClient", "NotificationClient", "Monitoring.publishParameters"}
 )
@@ -83,12 +90,34 @@ class PeerRateLimiter:
             raise with_text(StandardError.TOO_MANY, text)
 
 
+class HeldMessages:
+    """Finds messages of one connection that the link held, e.g. between two contacts.
+
+    They arrive in a burst and prove no present contact. The clocks of both ends may differ, so
+    that the delays of messages are compared, and the minimum counts as light time. A longer
+    delay that does not change between two separate messages replaces it: a clock was set.
+    """
+
+    def __init__(self) -> None:
+        self._usual_s = self._compared_s = self._arrived_s = inf
+
+    def is_held(self, sent_utc_s: float, now_s: float) -> bool:
+        """Whether a message was held; `now_s` is its arrival by a monotonic clock."""
+        delay_s = now_s - sent_utc_s
+        if abs(now_s - self._arrived_s) > SEPARATE_S:
+            if abs(delay_s - self._compared_s) < SEPARATE_S:
+                self._usual_s = delay_s
+            self._compared_s, self._arrived_s = delay_s, now_s
+        self._usual_s = min(self._usual_s, delay_s)
+        return delay_s - self._usual_s > HELD_S
+
+
 class ServedOperations:
     """A provider and its supported operations.
 
     Args:
         encoding: encoding of message bodies.
-        on_contact: called at each operation call, except those of `BETWEEN_ASSETS`.
+        on_contact: called at each operation call, except held ones and `BETWEEN_ASSETS`.
         system: clock of messages, and sockets.
 
     Attributes:
@@ -101,7 +130,8 @@ class ServedOperations:
         on_contact: Callable[[], None] = lambda: None,
         system: System = OPERATING_SYSTEM,
     ) -> None:
-        self._record_contact = on_contact
+        self._on_contact, self._now_s = on_contact, system.now_s
+        self._held: WeakKeyDictionary[Connection, HeldMessages] = WeakKeyDictionary()
         self._specification = mrs_specification()
         self.provider = Provider(
             self._specification,
@@ -121,13 +151,18 @@ class ServedOperations:
     def serve(self, service: str, operation: str, handler: Handler) -> None:
         """Register a handler of an operation that is no PUBSUB."""
 
-        def with_contact(call: CallContext, *parts: Any) -> Any:
-            self._record_contact()
+        def with_contact(call: CallContext | Interaction, *parts: Any) -> Any:
+            self._record_contact(call.call if isinstance(call, Interaction) else call)
             return handler(call, *parts)
 
         between_assets = BETWEEN_ASSETS & {service, f"{service}.{operation}"}
         self.provider.serve(service, operation, handler if between_assets else with_contact)
         self._working.add((service, operation))
+
+    def _record_contact(self, call: CallContext) -> None:
+        held = self._held.setdefault(call.connection, HeldMessages())
+        if call.timestamp_ns is None or not held.is_held(call.timestamp_ns / 1e9, self._now_s()):
+            self._on_contact()
 
     def prioritize(
         self,
