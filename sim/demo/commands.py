@@ -107,7 +107,7 @@ def demo(
     With --delay, commands and reports pass through a simulated link with light time (rover link).
     The stop is then sent once the start of the drive is reported, and arrives about one round trip
     after it; the rover drives slowly until then. The lines of the session have the time on the
-    ground and the last status received, the table at the end has the times aboard.
+    ground and the last status received with its age, the table at the end has the times aboard.
 
     rover-console serves browsers at the address that is printed first. Without --stay the
     demonstration uses a free port and a free ROS domain on this machine. With --stay the rover uses

@@ -69,7 +69,7 @@ class SessionView:
 
 
 def status_line(status: SeenStatus) -> Text:
-    """Return mode, pose, speed and battery voltage of the rover in one line."""
+    """Return mode, pose, speed and battery voltage of the rover in one line, and a long age."""
     x_m, y_m, heading_rad, travel_mps, battery_v = (
         status.values.get(each.value, nan)
         for each in (
@@ -81,10 +81,11 @@ def status_line(status: SeenStatus) -> Text:
         )
     )
     mode = "OFFLINE" if status.mode is None else status.mode.name
+    age = f"  {status.age_s:.1f} s old" if status.age_s > NOTICEABLE_AGE_S else ""
     return Text.assemble(
         (f"{mode:<8}", "bold"),
         f" x {x_m:z6.2f} m  y {y_m:z6.2f} m  heading {degrees(heading_rad):z6.1f}°"
-        f"  speed {travel_mps:z5.2f} m/s  {battery_v:.1f} V",
+        f"  speed {travel_mps:z5.2f} m/s  {battery_v:.1f} V{age}",
     )
 
 
@@ -103,6 +104,8 @@ def relay_line(status: SeenStatus) -> Text:
     return Text.assemble(("relay    ", "bold"), contact, f"  queue {queued:.0f}{age_text}", last)
 
 
+NOTICEABLE_AGE_S: Final = 1.0
+"""Age of a status from which it is displayed, s: older than several polls."""
 COMMAND: Final = 32
 """Maximum width of a command, in columns."""
 _STYLE: Final = {

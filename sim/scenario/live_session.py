@@ -361,16 +361,17 @@ class DownlinkSubscriptions:
         while True:
             status = await self.client.get_status()
             mode = mode_of(status.mode)
+            made_s = record.since_start_s(utc_s_of(status.timestamp))
             if mode is not None and self._link == self._main:
-                seen_s = record.since_start_s(utc_s_of(status.timestamp))
-                record.modes.append(ModeSample(seen_s, mode))
+                record.modes.append(ModeSample(made_s, mode))
             values = {
                 each.name: each.value
                 for each in map(received_value, status.values)
                 if isinstance(each.value, float)
             }
             seen_s = record.since_start_s(self._system.utc_s())
-            record.statuses.append(SeenStatus(seen_s, self._link, mode, values))
+            seen = SeenStatus(seen_s, seen_s - made_s, self._link, mode, values)
+            record.statuses.append(seen)
             self._on_data()
             await asyncio.sleep(POLL_S)
 

@@ -240,10 +240,12 @@ class SeenStatus:
     """Received status of the rover; over the relay also of the orbiter.
 
     Attributes:
+        age_s: time from its creation by the sender to its reception, s.
         values: values of the known parameters by their names.
     """
 
     time_s: float
+    age_s: float
     link: str
     mode: Mode | None
     values: Mapping[str, float]

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 
@@ -10,10 +11,11 @@ from rich.console import Console
 from rich.text import Text
 
 from adapters.mrs.ground.client import MrsClient
+from executive.commands import Mode
 from executive.values.reports import Stage
-from sim.demo.display import LineDisplay, TerminalDisplay, commands_table
+from sim.demo.display import LineDisplay, TerminalDisplay, commands_table, status_line
 from sim.scenario.model import RunMode
-from sim.scenario.record import Answer, Record
+from sim.scenario.record import Answer, Record, SeenStatus
 from sim.scenario.sent import sent_commands
 from tests.demo.playing import play
 from tests.mrs.aboard import Aboard
@@ -112,6 +114,12 @@ def test_output_that_is_no_terminal_is_lines_and_a_table(aboard: Aboard, tmp_pat
     lines = [line for line in printed.get().splitlines() if "moveForward distance 0.2 m" in line]
     assert [line.split()[6] for line in lines[:2]] == ["STARTED", "EXECUTED"]
     assert "\x1b" not in printed.get()
+
+
+def test_an_old_status_is_shown_with_its_age() -> None:
+    fresh = SeenStatus(20.0, 0.1, "direct", Mode.IDLE, {})
+    assert "old" not in status_line(fresh).plain
+    assert status_line(replace(fresh, age_s=5.2)).plain.endswith("5.2 s old")
 
 
 def test_on_a_narrow_terminal_each_command_remains_on_its_line(

@@ -476,6 +476,12 @@ def test_the_examples_of_a_declaration_can_be_typed(
     assert f"rover command {name} {typed}".strip() in rover("command", name, "--help").output
 
 
+def test_help_of_an_operation_names_the_options_of_its_group() -> None:
+    printed = " ".join(rover("command", "moveForward", "--help").output.split())
+    assert "work here, too: --to, --delay" in printed
+    assert "--only-at, --only-after, --only-mode" in printed
+
+
 def test_help_shows_examples() -> None:
     result = rover("command", "--help")
     assert result.exit_code == DONE

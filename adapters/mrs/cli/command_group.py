@@ -285,10 +285,11 @@ class SendingCommand(OperationCommand):
 
     def __init__(self, *arguments: Any, **settings: Any) -> None:
         super().__init__(*arguments, **settings)
+        shown = (each.opts[0] for each in SENDING_OPTIONS if each.expose_value)
+        self.epilog = f"The options of `rover command` work here, too: {', '.join(shown)}."
         for option in map(copy, SENDING_OPTIONS):
             option.hidden = True  # type: ignore[attr-defined]
             self.params.append(option)
-        self.epilog = "The options of `rover command`, such as --to and --no-wait, work here, too."
 
 
 @click.group(cls=OperationGroup, params=list(SENDING_OPTIONS))

@@ -177,7 +177,7 @@ export function explanationTable({ steps, evidence }) {
 /** @param {string[]} texts of its cells @param {string} [name] of their element */
 export const row = (texts, name = "td") => html("tr", {}, ...texts.map((text) => html(name, { textContent: text ?? "" })));
 
-/** Create dots for the stages, each with the time since the first; a narrow list shows the time of the last reached one only. @param {string[]} stages */
+/** Create dots for the stages, each with the time from the command to it, by the clock of its sender; a narrow list shows the time of the last reached one only. @param {string[]} stages */
 function lifecycleLine(stages) {
   return html(
     "div",
@@ -211,7 +211,7 @@ function drawLifecycle(lifecycle, command, stages) {
       title: at ? `${shown}: ${clock(at.utc, true)} by the clock of ${at.node}, received ${clock(at.rx, true)}` : `${shown}: not yet`,
     });
     setText(what, shown.toLowerCase().replace("_", " "));
-    setText(when, !at || index === 0 || at.rx < command.created ? "" : `+${(at.rx - command.created).toFixed(2)} s`);
+    setText(when, !at || index === 0 || at.utc < command.created ? "" : `+${(at.utc - command.created).toFixed(2)} s`);
   });
 }
 
