@@ -7,6 +7,7 @@ precondition it is refused instead.
 import re
 from dataclasses import dataclass
 from math import isfinite, pi
+from operator import index
 from typing import Final, Self
 
 from executive.commands.declaration import Mode
@@ -102,9 +103,9 @@ class Precondition:
     mode: Mode | None = None
 
     def __post_init__(self) -> None:
-        """Raise ValueError for a number that no command has."""
-        if self.after is not None and not 0 < self.after < 1 << 63:
-            raise ValueError("a command number is 1 or more")
+        """Raise ValueError for a number that no command has, TypeError for no integer."""
+        if self.after is not None and not 0 < index(self.after) < 1 << 63:
+            raise ValueError("a command number is an integer from 1")
 
     def __bool__(self) -> bool:
         """Whether there is any condition."""

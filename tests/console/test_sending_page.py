@@ -82,6 +82,19 @@ async def test_a_command_is_sent_once_and_previewed_from_where_the_rover_is(
         await shown.set_checked(False)
         await page.get_by_role("button", name="Send rotateBy to jackal").click()
         await expect(outcome).to_contain_text("executed")
+        rover.runs = False
+        angle = page.get_by_label("angle", exact=True)
+        send = page.get_by_role("button", name="Send rotateBy to jackal")
+        await angle.fill("5")
+        await send.click()  # its end is not known
+        await angle.fill("10")
+        chained = page.get_by_label(re.compile(r"I see it.*, and after rotateBy \d+ is executed"))
+        await chained.set_checked(True)
+        text = await page.locator("label", has=chained).inner_text()
+        async with page.expect_request("**/api/commands") as posted:
+            await send.click()
+        only_after = json.loads((await posted.value).post_data or "")["only_after"]
+        assert f"and after rotateBy {only_after} is executed" in text
 
 
 async def test_a_laptop_shows_six_commands_and_announces_new_ones(

@@ -345,7 +345,9 @@ def test_typed_bounds() -> None:
             OnlyAt.read(wrong)
     with pytest.raises(ValueError, match="not finite"):
         OnlyAt(nan, 0.0, 1.0)
-    with pytest.raises(ValueError, match="1 or more"):
+    with pytest.raises(ValueError, match="from 1"):
         Precondition(after=0)
+    with pytest.raises(TypeError, match="integer"):
+        Precondition(after=3.5)  # type: ignore[arg-type]
     text = str(Precondition(OnlyAt(3, 2, 0.5), 17, Mode.IDLE))
     assert text.endswith("within 0.5 m, only after number 17, only in mode IDLE")

@@ -80,9 +80,9 @@ def parse_command_post(body: dict[str, Any]) -> CommandPost:
         RequestError: a field is invalid.
     """
     try:
-        precondition = Precondition.from_wire(body.get("only_at"), None, None)
+        precondition = Precondition.from_wire(body.get("only_at"), body.get("only_after"))
     except (TypeError, ValueError) as error:
-        raise invalid("only_at", str(error)) from error
+        raise invalid("only_at, only_after", str(error)) from error
     return CommandPost(
         id=identifier(body.get("id")),
         asset=str(body.get("asset")),

@@ -3,7 +3,7 @@
  * fills it and the map shows it; it is only sent from the form.
  */
 
-import { fetchJson } from "./connection.js";
+import { fetchJson, operator } from "./connection.js";
 import { Observable } from "./observable.js";
 import { number, unitOf } from "../format.js";
 
@@ -110,10 +110,19 @@ export class Draft extends Observable {
     return this.offersOnlyShown && (this.onlyShown ?? this.asset.isDelayed);
   }
 
+  /** The last motion of this operator, which must be executed before, if its end is not known: without it the rover may be nearly where it is shown. */
+  get predecessor() {
+    const motions = new Set(this.asset.entry?.commands.filter(({ motion }) => motion).map(({ name }) => name));
+    const last = this.asset.lastCommands.find(({ by, name }) => by === operator.name && motions.has(name));
+    return last && !last.ended && !this.replace ? last : null;
+  }
+
   /** The precondition now, as posted. */
   get precondition() {
-    const { x, y, heading } = this.asset.pose ?? {};
-    return this.isOnlyShown ? { only_at: [x, y, SHOWN_M, heading, SHOWN_RAD].join(" ") } : {};
+    if (!this.isOnlyShown) return {};
+    const { x, y, heading } = this.asset.pose;
+    const { predecessor } = this;
+    return { only_at: [x, y, SHOWN_M, heading, SHOWN_RAD].join(" "), ...(predecessor ? { only_after: predecessor.number } : {}) };
   }
 
   /** Whether it can be sent: it was edited since it was sent, at least REARM_MS ago. */

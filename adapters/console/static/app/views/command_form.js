@@ -121,7 +121,7 @@ export class CommandForm extends View {
     this.#replace.checked = draft.replace;
     this.#onlyShownLine.hidden = !draft.offersOnlyShown;
     this.#onlyShown.checked = draft.isOnlyShown;
-    if (draft.offersOnlyShown) setText(this.#onlyShownText, onlyShownText(asset.pose));
+    if (draft.offersOnlyShown) setText(this.#onlyShownText, onlyShownText(asset.pose, draft.predecessor));
     this.#drawLinks();
     this.#preview.hidden = !draft.entry?.motion || draft.isSent;
     this.#preview.classList.toggle("refused", Boolean(draft.objection));
@@ -209,10 +209,11 @@ export function predictionText({ duration, length, energy, path, clearance, near
   );
 }
 
-/** @param {import("../model/asset.js").Fix} pose */
-function onlyShownText({ x, y, heading }) {
+/** @param {import("../model/asset.js").Fix} pose @param {import("../model/messages.js").CommandStatus | null} predecessor */
+function onlyShownText({ x, y, heading }, predecessor) {
   const bounds = `within ${SHOWN_M} m and ${degrees(SHOWN_RAD).toFixed(0)}°`;
-  return `only if it is where I see it: ${bounds} of x ${x.toFixed(2)} m, y ${y.toFixed(2)} m, ${degrees(heading).toFixed(0)}°`;
+  const before = predecessor ? `, and after ${predecessor.name} ${predecessor.number} is executed` : "";
+  return `only if it is where I see it: ${bounds} of x ${x.toFixed(2)} m, y ${y.toFixed(2)} m, ${degrees(heading).toFixed(0)}°${before}`;
 }
 
 /** @param {CommandEntry[]} commands @returns {Map<string, CommandEntry[]>} by family */
