@@ -377,105 +377,79 @@ Decision = (
 
 
 @dataclass(frozen=True, slots=True)
-class Truth:
-    """The rover's true pose, known only to a simulation; the core never receives it.
+class _Simulated:
+    """An item known only to a simulation; the core never receives it, and a replay ignores it.
 
     Attributes:
-        time_s: time on the monotonic clock of the core.
+        time_s: time on the monotonic clock of the core; of another process that of the reception.
     """
 
     time_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Truth(_Simulated):
+    """The rover's true pose."""
+
     pose: Pose
 
 
 @dataclass(frozen=True, slots=True)
-class SimulationStarted:
-    """The simulation of the rover began.
+class SimulationStarted(_Simulated):
+    """The simulation began, with a world, seed and accuracy in the format of worlds."""
 
-    The times of this item and the next are on the monotonic clock of the core. For those of
-    another process it is the time of their reception.
-
-    Attributes:
-        text: its world, seed and accuracy, in the format of worlds.
-    """
-
-    time_s: float
     text: str
 
 
 @dataclass(frozen=True, slots=True)
-class TimelineStarted:
-    """The timeline of a scenario began.
+class TimelineStarted(_Simulated):
+    """The timeline of a scenario began, with entries in the format of scenarios."""
 
-    Attributes:
-        text: its entries, in the format of scenarios.
-    """
-
-    time_s: float
     text: str
 
 
 @dataclass(frozen=True, slots=True)
-class TimelinePlayed:
-    """An entry of the timeline was carried out, for example a command was sent.
+class TimelinePlayed(_Simulated):
+    """The entry of the timeline at an index from 0 was carried out, e.g. a command was sent."""
 
-    Attributes:
-        index: its position in the timeline, from 0.
-    """
-
-    time_s: float
     index: int
 
 
 @dataclass(frozen=True, slots=True)
-class SimulatedFaultChanged:
+class SimulatedFaultChanged(_Simulated):
     """A fault of the simulation was injected or cleared.
 
     Attributes:
         text: the fault and its parameters, in the format of scenarios; its name if it was cleared.
     """
 
-    time_s: float
     injected: bool
     text: str
 
 
 @dataclass(frozen=True, slots=True)
-class CargoChanged:
+class CargoChanged(_Simulated):
     """The mass of the simulated rover's cargo changed."""
 
-    time_s: float
     mass_kg: float
 
 
 @dataclass(frozen=True, slots=True)
-class ExecutiveKilled:
+class ExecutiveKilled(_Simulated):
     """The executive was ended as by kill -9; a `ProcessStart` follows if it was started again."""
-
-    time_s: float
 
 
 @dataclass(frozen=True, slots=True)
-class LinkDarkChanged:
-    """The link between ground and rover went down, or up again.
+class LinkDarkChanged(_Simulated):
+    """Messages between ground and rover were lost from now on, or passed again."""
 
-    Attributes:
-        dark: whether no message passes.
-    """
-
-    time_s: float
     dark: bool
 
 
 @dataclass(frozen=True, slots=True)
-class SimulationState:
-    """A checkpoint of the simulated rover.
+class SimulationState(_Simulated):
+    """A checkpoint of the simulated rover, in a format that the simulation defines."""
 
-    Attributes:
-        text: the checkpoint; its format is defined by the simulation.
-    """
-
-    time_s: float
     text: str
 
 
@@ -490,9 +464,6 @@ SimulationItem = (
     | LinkDarkChanged
     | SimulationState
 )
-"""Items known only to a simulation; the core never receives them, and a replay ignores them."""
-
-
 Item = ProcessStart | Entry | Input | Decision | SimulationItem
 
 
