@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.ground.outcome import CommandOutcome, OnReport
 from adapters.mrs.transport import CLEAR, TransportSettings
-from executive.commands import Precondition, Request
+from executive.commands import Request
 
 T = TypeVar("T")
 
@@ -47,23 +47,15 @@ class BlockingClient:
         finally:
             self._end_thread()
 
-    def run(
-        self,
-        request: Request,
-        on_report: OnReport = lambda _: None,
-        precondition: Precondition | None = None,
-    ) -> CommandOutcome:
+    def run(self, request: Request, on_report: OnReport = lambda _: None) -> CommandOutcome:
         """Send a command and wait until it ends.
 
         Args:
             request: the request to command.
             on_report: called with each report of its life cycle on reception, on the thread of
                 the session.
-            precondition: as in `MrsClient.command`.
         """
-        return self.call(
-            lambda client: client.run(client.command(request, precondition=precondition), on_report)
-        )
+        return self.call(lambda client: client.run(client.command(request), on_report))
 
     def call(self, method: Callable[[MrsClient], Coroutine[Any, Any, T]]) -> T:
         """Return the result of a client's method, e.g. `call(MrsClient.get_pose)`."""
