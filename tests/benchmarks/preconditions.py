@@ -1,14 +1,16 @@
 """Relative commands behind a delay that loses some of them, with and without preconditions.
 
 Plays the random sites of `delayed_sites` at a round trip of 10 s, with 15 % of the commands lost.
-With preconditions a lost command leaves the rover at a planned pose: the operator sends the rest of
-the path again, from the lost command on. Without them the pose is unknown until all commands have
-ended, and the operator waits for the next picture.
+The operator without preconditions and the one with them do the same: as soon as a command is known
+to be lost or refused, they send nothing until all others have ended, and plan again from the next
+picture of the standing rover. A third one uses that with preconditions the rover is then at a
+planned pose: it sends the rest of the path again at once, from the lost command on.
 """
 
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import inf
 from pathlib import Path
 from typing import Final
 
@@ -36,30 +38,48 @@ class Leg:
     begin: Pose
 
 
-class Relative(Mission):
-    """An operator who sends no turn that is within the tolerance of a turn."""
+class Unconditional(Mission):
+    """An operator of relative commands, who sends no turn below the tolerance of a turn."""
 
     def _send_motion(self, request: Request, begin: Pose) -> None:
         if not isinstance(request, RotateBy) or abs(request.angle_rad) > MIN_TURN_RAD:
-            super()._send_motion(request, begin)
+            self._motions[self._send_leg(request, begin)] = self.link.utc_s
+
+    def _send_leg(self, request: Request, begin: Pose) -> Identity:
+        return self.link.send(request)
+
+    def _follow_up(self) -> None:
+        for identity in self._motions:
+            if self._is_lost(identity):
+                self._motions[identity] = -inf  # it is overdue
+        super()._follow_up()
+
+    def _is_lost(self, identity: Identity) -> bool:
+        """Whether a command is without a report when it is due, or one after it has a report."""
+        late_s = self._motions[identity] + ROUND_TRIP_S + REPORT_MARGIN_S
+        later = [each for each in self._motions if each.command_id > identity.command_id]
+        overdue = self.link.utc_s > late_s or any(map(self.link.stages, later))
+        return overdue and not self.link.stages(identity)
 
 
-class Resending(Relative):
-    """An operator who chains the commands, and sends the rest of a broken chain again."""
+class Conditional(Unconditional):
+    """The same operator, whose commands need their planned start pose and the one before them."""
 
     _legs: dict[Identity, Leg]
     _last: Identity | None
 
-    def _send_motion(self, request: Request, begin: Pose) -> None:
-        if isinstance(request, RotateBy) and abs(request.angle_rad) <= MIN_TURN_RAD:
-            return
+    def _send_leg(self, request: Request, begin: Pose) -> Identity:
         if not self._motions:
             self._legs, self._last = {}, None
         at = OnlyAt(begin.x_m, begin.y_m, WITHIN_M, begin.heading_rad, WITHIN_RAD)
         after = None if self._last is None else self._last.command_id
-        identity = self.link.send(request, precondition=Precondition(at, after))
-        self._motions[identity] = self.link.utc_s
-        self._legs[identity], self._last = Leg(request, begin), identity
+        self._last = self.link.send(request, precondition=Precondition(at, after))
+        self._legs[self._last] = Leg(request, begin)
+        return self._last
+
+
+class Resending(Conditional):
+    """An operator who sends the rest of a broken chain again."""
 
     def _follow_up(self) -> None:
         ended = (each for each in self._motions if self._is_broken(each) or self._has_ended(each))
@@ -93,14 +113,13 @@ class Resending(Relative):
         reports = [each for each in self.link.received if each.identity == identity]
         if reports:
             return reports[-1].stage is Stage.REJECTED and reports[-1].reason in REFUSED
-        late_s = self._motions[identity] + ROUND_TRIP_S + REPORT_MARGIN_S
-        later = [each for each in self._motions if each.command_id > identity.command_id]
-        return self.link.utc_s > late_s or any(map(self.link.stages, later))
+        return self._is_lost(identity)
 
 
 def measure(sites: int, log: Callable[[str], None]) -> list[Figure]:
     """Return contacts and pace over the first sites, with preconditions and without."""
-    played: dict[type[Mission], list[Played]] = {Relative: [], Resending: []}
+    kinds = (Unconditional, Conditional, Resending)
+    played: dict[type[Mission], list[Played]] = {kind: [] for kind in kinds}
     for number in range(1, sites + 1):
         for kind, missions in played.items():
             missions.append(play(number, kind))
@@ -108,24 +127,32 @@ def measure(sites: int, log: Callable[[str], None]) -> list[Figure]:
             text = f"{found.lost} commands lost, {found.refused} sent again"
             duration_s = "no goal" if found.duration_s is None else f"{found.duration_s:.0f} s"
             log(f"site {number}, {kind.__name__}: {duration_s}, {found.contacts} contacts, {text}")
-    without, chained = played.values()
+    without, *conditional = played.values()
+    figures = [
+        Figure("without: contacts", sum(each.contacts for each in without), ""),
+        Figure("without: sites with contacts", sum(each.contacts > 0 for each in without), ""),
+    ]
+    names = "with preconditions", "with preconditions, resending"
+    for name, missions in zip(names, conditional, strict=True):
+        figures += _compared(name, without, missions)
+    return figures
+
+
+def _compared(name: str, without: list[Played], missions: list[Played]) -> list[Figure]:
+    """Return the contacts of missions, and their pace where both operators reach the goal."""
     both = [
         (one.duration_s, other.duration_s)
-        for one, other in zip(without, chained, strict=True)
+        for one, other in zip(without, missions, strict=True)
         if one.duration_s is not None and other.duration_s is not None
     ]
     paces = [LENGTH_M * 3600.0 * len(both) / sum(each) for each in zip(*both, strict=True)]
-    goal = Goal(0.95, at_least=True)
+    contacts, sites = sum(each.contacts for each in missions), len(missions)
+    goal, reached = Goal(0.95, at_least=True), sum(each.duration_s is not None for each in missions)
     return [
-        Figure(
-            "preconditions: contacts", sum(each.contacts for each in chained), "", goal=Goal(0.0)
-        ),
-        Figure("without: contacts", sum(each.contacts for each in without), ""),
-        Figure("without: sites with contacts", sum(each.contacts > 0 for each in without), ""),
-        Figure("preconditions: pace", paces[1], "m/h"),
-        Figure("without: pace", paces[0], "m/h"),
-        Figure("preconditions: pace, of that without", paces[1] / paces[0], "ratio", goal=goal),
-        Figure("sites where both reach the goal", len(both), "", goal=Goal(sites, at_least=True)),
+        Figure(f"{name}: contacts", contacts, "", goal=Goal(0.0)),
+        Figure(f"{name}: pace", paces[1], "m/h", f"{paces[0]:.0f} without, {len(both)} sites"),
+        Figure(f"{name}: pace, of that without", paces[1] / paces[0], "ratio", goal=goal),
+        Figure(f"{name}: sites crossed", reached, "", goal=Goal(sites, at_least=True)),
     ]
 
 
