@@ -9,7 +9,7 @@ import sys
 from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib.util import find_spec
 from multiprocessing import get_context
@@ -19,8 +19,7 @@ from statistics import median
 from typing import Any, Final
 
 from adapters.recording.container import RecordingError
-from adapters.recording.first_decision import TEXTS, FirstDecision
-from adapters.recording.replay import replay
+from adapters.recording.replay import TEXTS, ReplayDecision, replay
 from executive.settings import Settings
 
 FEW: Final = 8
@@ -50,7 +49,7 @@ class Compared:
     """
 
     path: Path
-    decision: FirstDecision | None = None
+    decision: ReplayDecision | None = None
     error: str = ""
     cut_s: float | None = None
     verdict: str = ""
@@ -64,7 +63,7 @@ class Group:
     members: tuple[Compared, ...]
 
     @property
-    def first(self) -> FirstDecision:
+    def first(self) -> ReplayDecision:
         """The decision of the first member."""
         decision = self.members[0].decision
         assert decision is not None
@@ -73,8 +72,8 @@ class Group:
     @property
     def change(self) -> float | None:
         """Median of the relative changes of the velocity; None for other decisions."""
-        found = [each.decision.change for each in self.members if each.decision]
-        known = [each for each in found if each is not None]
+        found = (each.decision.decision for each in self.members if each.decision)
+        known = [each.change for each in found if each is not None and each.change is not None]
         return median(known) if known else None
 
 
@@ -126,9 +125,7 @@ class Regressions:
         """Return the result as plain data for JSON."""
         groups = [
             {
-                "command": group.first.command,
-                "replayed": group.first.replayed,
-                "recorded": group.first.recorded,
+                **dict(zip(("command", "replayed", "recorded"), group.first.group, strict=True)),
                 "change": group.change,
                 "recordings": [_member(each) for each in group.members],
             }
@@ -167,11 +164,7 @@ def judge(found: Regressions, asset: str | None, jobs: int | None) -> Regression
             changed.
         jobs: number of processes; None for one on each core.
     """
-    paths = [
-        str(each.path)
-        for each in found.compared
-        if each.decision and TEXTS not in each.decision.group
-    ]
+    paths = [str(each.path) for each in found.compared if each.decision and each.decision.decision]
     if any(find_spec(name) is None for name in ("sim", "mujoco")):
         text = "the simulation is not installed: pip install 'rover-executive[sim]'"
         verdicts = dict.fromkeys(paths, (UNKNOWN, text))
@@ -212,8 +205,15 @@ def _compared(path: Path, settings: Settings | None) -> Compared:
 
 def _member(compared: Compared) -> dict[str, Any]:
     assert compared.decision is not None
-    shown = asdict(compared) | asdict(compared.decision) | {"path": str(compared.path)}
-    return {key: shown[key] for key in ("path", "entry", "time_s", "change", "verdict", "reason")}
+    found = compared.decision.decision
+    return {
+        "path": str(compared.path),
+        "entry": compared.decision.entry,
+        "time_s": compared.decision.time_s,
+        "change": found and found.change,
+        "verdict": compared.verdict,
+        "reason": compared.reason,
+    }
 
 
 def _row(group: Group) -> str:
@@ -221,9 +221,7 @@ def _row(group: Group) -> str:
     verdicts = Counter(each.verdict for each in group.members)
     cells = (
         str(len(group.members)),
-        first.command,
-        first.replayed,
-        first.recorded,
+        *first.group,
         "" if change is None else f"{change:+.1%}",
         ", ".join(f"{number} {name}" for name, number in verdicts.most_common() if name),
         f"{group.members[0].path}, {first.time_s:.2f} s",

@@ -9,13 +9,16 @@ from pathlib import Path
 from typing import Final
 
 from adapters.recording.container import RecordingError
-from adapters.recording.first_decision import DecisionComparison, FirstDecision, report_text
+from adapters.recording.first_decision import NOTHING, FirstDecision, differing
 from adapters.recording.messages import START, topic_of
 from adapters.recording.replayed import RecordedEntry, ReplayedCore, read_entries
 from adapters.recording.run_file import RecordedMessage, RunReader
+from executive.commands import declaration_of
 from executive.core.recording import (
+    CommandDequeued,
     CoreCall,
     CoreCalled,
+    ModeChanged,
     ProcessStart,
     ReportSent,
     SimulationItem,
@@ -26,7 +29,7 @@ from executive.settings import Settings
 from executive.values.reports import Identity, Report
 from trees import RoverTree, TreeNodeSnapshot
 
-NOTHING: Final = "nothing"
+TEXTS: Final = "only texts or figures differ"
 MAX_SHOWN_LENGTH: Final = 200
 """Maximum characters shown of a decision."""
 
@@ -105,6 +108,29 @@ class ChangedReport:
 
 
 @dataclass(frozen=True, slots=True)
+class ReplayDecision:
+    """The first different decision of a replay.
+
+    Attributes:
+        command: name of the command that was executing, or that it is about; empty without one.
+        entry: number of the entry in the recording, from 1.
+        time_s: time since the first entry.
+        decision: the decision; None if only texts or figures differ.
+    """
+
+    command: str
+    entry: int
+    time_s: float
+    decision: FirstDecision | None
+
+    @property
+    def group(self) -> tuple[str, str, str]:
+        """Command, replayed and recorded decision, without figures: equal for equal changes."""
+        found = self.decision
+        return ("", TEXTS, "") if found is None else (self.command, *found.group)
+
+
+@dataclass(frozen=True, slots=True)
 class ReplayResult:
     """Result of a replay.
 
@@ -115,7 +141,8 @@ class ReplayResult:
         whole: whether the recording was closed properly.
         difference: the first difference, or None.
         reports: reports that differ, if other settings were given.
-        decision: the first different decision without its figures, if it was to be found.
+        decision: the first different decision, if it was to be found; a difference of texts or
+            figures if there is no other.
     """
 
     starts: int
@@ -126,7 +153,7 @@ class ReplayResult:
     whole: bool
     difference: Difference | None
     reports: tuple[ChangedReport, ...]
-    decision: FirstDecision | None = None
+    decision: ReplayDecision | None = None
 
 
 def replay(path: Path, settings: Settings | None = None, to_decision: bool = False) -> ReplayResult:
@@ -146,7 +173,7 @@ def replay(path: Path, settings: Settings | None = None, to_decision: bool = Fal
     began_s = time_s = 0.0
     difference = None
     reports: list[ChangedReport] = []
-    comparison = DecisionComparison(reader.decoded)
+    decision = None
     with tempfile.TemporaryDirectory(prefix="rover-replay-") as folder:
         core = None
         for each in read_entries(reader):
@@ -173,12 +200,13 @@ def replay(path: Path, settings: Settings | None = None, to_decision: bool = Fal
                 reports += _other_reports(reader, each.decisions, core.decisions, time_s)
             if difference is None:
                 difference = core.difference(each, entries, time_s)
-            if to_decision:
-                comparison.add(
-                    each.inputs, each.decisions, core.decisions, entries, time_s, core.raised
-                )
-            is_last = difference is not None and settings is None and not to_decision
-            if core.raised or is_last or comparison.ended:
+            if to_decision and difference is not None:
+                found = core.decision(each, entries, time_s)
+                decision = found if found.decision else decision or found
+                is_last = found.decision is not None
+            else:
+                is_last = difference is not None and settings is None and not to_decision
+            if core.raised or is_last:
                 break
         if core is not None:
             core.end()
@@ -190,22 +218,11 @@ def replay(path: Path, settings: Settings | None = None, to_decision: bool = Fal
         ticks,
         decisions,
         time_s,
-        reader.whole or comparison.ended,
+        reader.whole or bool(decision and decision.decision),
         difference,
         tuple(reports),
-        comparison.first(_ends(path) if difference else {}),
+        decision,
     )
-
-
-def _ends(path: Path) -> dict[Identity, str]:
-    """Return the recorded end of each command."""
-    reader = RunReader(path)
-    sent = (reader.decoded(each).report for each in reader.messages({ReportSent}))
-    return {
-        report.identity: report_text(report)
-        for report in sent
-        if report.identity is not None and report.stage is not None and report.stage.terminal
-    }
 
 
 def _with(lifecycle: ProcessStart, settings: Settings | None, path: Path) -> ProcessStart:
@@ -243,11 +260,19 @@ class _ComparedCore(ReplayedCore):
         super().__init__(lifecycle, folder)
         self._reader = reader
         self._states: dict[str, TreeNodeState] = {}
+        self._commands: dict[Identity, str] = {}
+        self._active: Identity | None = None
 
     def enter(self, recorded: RecordedEntry) -> None:
-        """Run an entry, and follow the recorded tree."""
+        """Run an entry, and follow the recorded tree and its commands."""
         super().enter(recorded)
+        for each in recorded.inputs:
+            if isinstance(each, CommandDequeued):
+                name = declaration_of(type(each.command.request)).name
+                self._commands[each.command.identity] = name
         for message in recorded.decisions:
+            if message.topic.kind is ModeChanged:
+                self._active = self._reader.decoded(message).active
             if message.topic.kind is TreeChanged:
                 changed: TreeChanged = self._reader.decoded(message)
                 self._states |= {each.path: each for each in changed.nodes}
@@ -265,6 +290,13 @@ class _ComparedCore(ReplayedCore):
             tree = self.executive.tree.nodes()
         name = topic_of(recorded.entry).name
         return Difference(number, name, time_s, then, now, self.raised, tree, self._then(tree))
+
+    def decision(self, recorded: RecordedEntry, number: int, time_s: float) -> ReplayDecision:
+        """Return how the decisions of the entry differ."""
+        found = differing(recorded.decisions, self.decisions, self._reader.decoded, self.raised)
+        about = (found and found.identity) or self._active
+        command = self._commands.get(about, "") if found and about else ""
+        return ReplayDecision(command, number, time_s, found)
 
     def _then(self, tree: Sequence[TreeNodeSnapshot]) -> dict[str, str]:
         """Return the recorded state of each node that differs."""

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from adapters.recording import RecordingError
-from adapters.recording.replayed import RecordedEntry, ReplayedCore, topic_of
+from adapters.recording.replayed import RecordedEntry, ReplayedCore, differing, topic_of
 from executive.core.recording import (
     CoreCall,
     CoreCalled,
@@ -25,7 +25,7 @@ from executive.settings import Settings
 from executive.values.clock import ManualClock
 from sim.fork.model import Placing
 from sim.fork.placing import PlacedRover
-from sim.fork.run_log import Step, differing
+from sim.fork.run_log import Step
 from sim.rover import World
 from sim.rover.lockstep import STEP_S, LockStep
 from sim.scenario.record import ALMOST_S

@@ -4,59 +4,46 @@ from bisect import bisect_right
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from itertools import zip_longest
-from typing import Any, Final
+from typing import Final
 
-from adapters.recording import RunReader, decode
-from adapters.recording.replayed import RecordedEntry, RecordedMessage, encode, topic_of
+from adapters.recording import RunReader
+from adapters.recording.replayed import (
+    RecordedEntry,
+    RecordedMessage,
+    differing,
+    encode,
+    topic_of,
+)
 from executive.commands import OWN_LINKS, Command, PreemptionPolicy, Request, declaration_of
 from executive.core.recording import (
-    CameraCommanded,
     CommandDequeued,
     CoreCall,
     CoreCalled,
     Decision,
     Entry,
     FactObserved,
-    FrameRequested,
     GroundContact,
-    HaltCommanded,
     Item,
-    ModeChanged,
-    MotionCommanded,
-    MuxLockChanged,
     ProcessStart,
     ReportSent,
     SimulationItem,
+    SolverRequested,
     TelemetrySent,
     TreeChanged,
     Truth,
-    VelocityCommanded,
     is_within,
 )
 from executive.history import RunHistory
 from executive.values.facts import Odometry
 from executive.values.geometry import Pose
-from executive.values.reports import Identity, Report, ReportKind
+from executive.values.reports import Identity, Report
 from sim.fork.model import CommandOutcome, FirstDifference, TrackPoint
 from sim.scenario.model import Crash, Send
 from sim.scenario.record import TruePose
 
-ACTS: Final = (
-    VelocityCommanded,
-    MotionCommanded,
-    HaltCommanded,
-    MuxLockChanged,
-    CameraCommanded,
-    FrameRequested,
-    ReportSent,
-    ModeChanged,
-)
-"""Decisions that count as different; others are texts and values that follow from these."""
 Step = ProcessStart | RecordedEntry | SimulationItem
 """Item of a recording: a start, an entry with all of its items, or an item of the simulation."""
 TRACK_TICKS: Final = 4
-NOTHING: Final = "nothing"
 DIGITS: Final = 6
 """Decimal digits of seconds: stamps in UTC have no finer ones."""
 _AS_OCTETS: Final = (TelemetrySent, TreeChanged)
@@ -201,59 +188,21 @@ class RunLog:
 
 
 def first_difference(recorded: RunLog, forked: RunLog) -> FirstDifference | None:
-    """Return the first act of a fork that is not that of the recording, while both last."""
+    """Return the first decision of a fork that differs from the recording, while both last.
+
+    A trajectory problem is not one: its start is a measured pose, which differs in the last digits.
+    """
     until_s = min(recorded.now_s, forked.now_s)
     then, now = _by_time(recorded, until_s), _by_time(forked, until_s)
     for time_s in sorted({*then, *now}):
         if (found := differing(then.get(time_s, ()), now.get(time_s, ()))) is not None:
-            return FirstDifference(time_s, *found)
-    return None
-
-
-def differing(
-    before: Sequence[RecordedMessage], after: Sequence[RecordedMessage]
-) -> tuple[str, str, str] | None:
-    """Return topic and texts of the first act that differs; last bits of a velocity do not."""
-    for pair in zip_longest(filter(_is_act, before), filter(_is_act, after)):
-        texts = [_texts(pair, digits) for digits in (2, 4, 6)] if pair[0] != pair[1] else []
-        if found := next((each for each in texts if each[0] != each[1]), None):
-            topic = next(each.topic.name for each in reversed(pair) if each is not None)
-            return topic, found[0], found[1]
+            return FirstDifference(time_s, found.topic, found.recorded, found.replayed)
     return None
 
 
 def _by_time(log: RunLog, until_s: float) -> dict[float, list[RecordedMessage]]:
     found: dict[float, list[RecordedMessage]] = defaultdict(list)
     for time_s, message in log.decisions:
-        if time_s <= until_s:
+        if time_s <= until_s and message.topic.kind is not SolverRequested:
             found[time_s].append(message)
     return found
-
-
-def _is_act(message: RecordedMessage) -> bool:
-    """Return whether it is an act; a report that predicts a motion is none."""
-    if message.topic.kind is not ReportSent:
-        return message.topic.kind in ACTS
-    report: Report = decode(message.topic, message.data).report
-    return report.kind is not ReportKind.EVENT or report.identity is None
-
-
-def _texts(pair: Sequence[RecordedMessage | None], digits: int) -> list[str]:
-    return [NOTHING if each is None else _text(each, digits) for each in pair]
-
-
-def _text(message: RecordedMessage, digits: int) -> str:
-    item: Any = decode(message.topic, message.data)
-    match item:
-        case VelocityCommanded(velocity=velocity):
-            travel, rotate = velocity.travel_mps, velocity.rotate_radps
-            return f"velocity {travel:.{digits}f} m/s, {rotate:.{digits}f} rad/s"
-        case ReportSent(report=report):
-            stage = report.severity.name if report.stage is None else report.stage.name
-            reason = "" if report.reason is None else f" {report.reason.name}"
-            about = "" if report.identity is None else f"{report.identity} "
-            return f"{about}{stage}{reason}: {report.text}"
-        case ModeChanged(mode=mode, why=why):
-            return f"mode {mode.name}: {why}"
-        case _:
-            return f"{message.topic.name} {message.data.decode()}"

@@ -216,8 +216,9 @@ def _find(runs: Path, number: int) -> Found:
     first = ""
     if found.groups:
         group = found.groups[0]
-        where = f" where {group.first.recorded}" if group.first.recorded else ""
-        first = f"{len(group.members)} × {group.first.command}: {group.first.replayed}{where}"
+        command, replayed, recorded = group.first.group
+        where = f" where {recorded}" if recorded else ""
+        first = f"{len(group.members)} × {command}: {replayed}{where}"
     different = len(found.compared) - found.same - len(found.unusable)
     return Found(different, len(found.unusable), len(found.groups), first, process_time() - began_s)
 
