@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import os
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from functools import partial
@@ -88,6 +89,7 @@ async def test_a_recording_is_an_asset_with_the_past_of_its_file(
         ({"set": [0.3]}, "set"),
         ({"command": ["stop"], "at": -1}, "at"),
         ({"controller": "best"}, "controller"),
+        ({"world": ["/etc/passwd"]}, "world"),
         ({"command": ["stop\0"]}, None),
         ({"command": ["x" * 200_000]}, None),
         ({"set": ["drive.travel_speed=\ud800"]}, None),
@@ -108,6 +110,7 @@ async def test_one_fork_runs_at_a_time_and_ends_in_time(
     drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(forks, "LIMIT_S", 0.05)
+    monkeypatch.setattr(forks, "TURN_S", 0.01)
     change = {"set": ["drive.travel_speed_mps=0.3"]}
     async with (
         served(tmp_path, UNREACHABLE, recordings=(drive,)) as address,
@@ -120,6 +123,34 @@ async def test_one_fork_runs_at_a_time_and_ends_in_time(
         assert (await post())[0] == 504, "the former one has ended"
         monkeypatch.setattr(forks, "find_spec", lambda _: None)
         assert (await post())[0] == 501
+
+
+async def test_a_fork_ends_with_the_connection_of_its_page(
+    drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The child process, which would run for minutes, is gone; the next fork has its turn."""
+    pid = tmp_path / "pid"
+    endless = tmp_path / "endless"
+    endless.mkdir()
+    (endless / "slow_fork.py").write_text(
+        f"import os, time\nopen({str(pid)!r}, 'w').write(str(os.getpid()))\ntime.sleep(300)\n"
+    )
+    monkeypatch.setenv("PYTHONPATH", str(endless), prepend=os.pathsep)
+    monkeypatch.setattr(forks, "FORK", "slow_fork")
+    async with (
+        served(tmp_path, UNREACHABLE, recordings=(drive,)) as address,
+        operator(address, "anna") as anna,
+    ):
+        post = partial(anna.post, f"api/recordings/{RUN}/fork", set=["drive.travel_speed=0.3"])
+        asking = asyncio.create_task(post())
+        async with asyncio.timeout(LIMIT_S):
+            while not (pid.exists() and pid.read_text()):
+                await asyncio.sleep(0.01)
+            asking.cancel()
+            while Path("/proc", pid.read_text()).exists():
+                await asyncio.sleep(0.01)
+        monkeypatch.setattr(forks, "FORK", "no_such_module")
+        assert (await post())[0] == 422
 
 
 async def test_its_tree_and_why_are_those_of_the_moment(drive: Path, tmp_path: Path) -> None:

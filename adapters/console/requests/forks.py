@@ -3,6 +3,7 @@
 import asyncio
 import os
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from http import HTTPStatus
 from importlib.util import find_spec
@@ -10,9 +11,8 @@ from typing import Any, Final
 
 from aiohttp import web
 
-from adapters.console.recordings import Recordings
+from adapters.console.recordings import Recordings, is_connected
 from adapters.console.web import body_of, invalid, is_number, refused
-from executive.settings import Controller
 
 FORK: Final = "sim.fork"
 """Module that answers a question, with the options of `rover whatif`."""
@@ -21,13 +21,18 @@ ANSWERED: Final = (0, 1)
 LOWEST_PRIORITY: Final = 19
 LIMIT_S: Final = 300.0
 """Maximum duration of a fork, s; chosen: an hour of recording takes 2 min."""
+POLL_S: Final = 0.1
+"""Period of the check whether the page is still there, s."""
+TURN_S: Final = 1.0
+"""Time within which the fork of a page that was left ends, s."""
 MAX_CHANGES: Final = 20
 """Maximum number of changes of a kind."""
-_LISTS: Final = ("set", "command", "drop", "without")
+CHANGES: Final = ("set", "command", "drop", "without", "controller", "world")
+"""Options of `rover whatif`, which reads their values."""
 
 
 class ForkRequests:
-    """Serves these requests, one fork at a time.
+    """Serves these requests, one fork at a time; a fork ends with the connection of its page.
 
     Args:
         recordings: opened recordings.
@@ -50,15 +55,20 @@ class ForkRequests:
         if any(find_spec(name) is None for name in ("sim", "mujoco")):
             text = "the simulation is not installed: pip install 'rover-executive[sim]'"
             raise refused(HTTPStatus.NOT_IMPLEMENTED, text)
-        if self._running.locked():
+        try:
+            async with asyncio.timeout(TURN_S):
+                await self._running.acquire()
+        except TimeoutError:
             text = "another fork runs on this console: wait for its end"
-            raise refused(HTTPStatus.CONFLICT, text)
-        async with self._running:
-            answer = await _answer(str(recording.path), "--json", *options)
-            return web.Response(body=answer, content_type="application/json")
+            raise refused(HTTPStatus.CONFLICT, text) from None
+        try:
+            answer = await _answer(is_connected(request), str(recording.path), "--json", *options)
+        finally:
+            self._running.release()
+        return web.Response(body=answer, content_type="application/json")
 
 
-async def _answer(*arguments: str) -> bytes:
+async def _answer(is_wanted: Callable[[], bool], *arguments: str) -> bytes:
     """Return the answer as JSON.
 
     Raises:
@@ -73,18 +83,20 @@ async def _answer(*arguments: str) -> bytes:
         )
     except (OSError, ValueError) as error:  # as a text with NUL, or too long
         raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, f"no process: {error}") from error
+    reading = asyncio.ensure_future(process.communicate())
     try:
         with suppress(ProcessLookupError):  # telemetry and stops of this console go first
             os.setpriority(os.PRIO_PROCESS, process.pid, LOWEST_PRIORITY)
         async with asyncio.timeout(LIMIT_S):
-            answer, errors = await process.communicate()
+            while not reading.done() and is_wanted():
+                await asyncio.wait({reading}, timeout=POLL_S)
     except TimeoutError as error:
         text = f"the fork exceeded {LIMIT_S:g} s: use rover whatif, which has no limit"
         raise refused(HTTPStatus.GATEWAY_TIMEOUT, text) from error
     finally:
         if process.returncode is None:
             process.kill()
-            await process.wait()
+        answer, errors = await reading
     if process.returncode not in ANSWERED or not answer:
         lines = errors.decode(errors="replace").strip().splitlines()
         text = lines[-1].removeprefix("Error: ") if lines else f"status {process.returncode}"
@@ -99,22 +111,18 @@ def _options(body: dict[str, Any]) -> list[str]:
         RequestError: the body has another form.
     """
     found: list[str] = []
-    for name in _LISTS:
+    for name in CHANGES:
         texts = body.get(name, [])
         is_list = isinstance(texts, list) and len(texts) <= MAX_CHANGES
         if not is_list or not all(isinstance(each, str) for each in texts):
             raise invalid(name, f"a list of at most {MAX_CHANGES} texts is needed")
         found += (f"--{name}={each}" for each in texts)
-    at_s, controller = body.get("at"), body.get("controller")
-    names = tuple(each.value for each in Controller)
-    if controller not in (None, *names):
-        raise invalid("controller", "an unknown controller", choices=names)
-    if controller is not None:
-        found.append(f"--controller={controller}")
+    if any("/" in each or each.endswith((".yaml", ".yml")) for each in body.get("world", [])):
+        raise invalid("world", "the name of a world is needed, or scans: no file of this computer")
     if not found:
         text = "a change is needed: a setting, a command or a controller"
         raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text)
-    if at_s is not None:
+    if (at_s := body.get("at")) is not None:
         if not (is_number(at_s) and at_s >= 0.0):
             raise invalid("at", "seconds since the start of the recording are needed")
         found.append(f"--at={at_s}")

@@ -9,51 +9,59 @@ import { View } from "./view.js";
 /** @typedef {{commands: Outcome[], first_difference: Difference | null, lacks: string[], track: {x_m: number, y_m: number}[]}} Fork */
 /** @typedef {{recorded: Fork, unchanged: Fork, fidelity: string, forks: Fork[]}} WhatIf the JSON of `rover whatif` */
 
-const CONTROLLERS = { "": "controller as recorded", turn_drive: "turn_drive", mpc: "mpc", navigation: "navigation" };
+/** Options of `rover whatif`: label, example, and explanation. @type {Record<string, [string, string, string]>} */
+const CHANGES = {
+  set: ["setting", "drive.travel_speed=0.6", "a key of the rover's settings; it holds from the start of the recording"],
+  command: ["command at this time", "moveTo 3 2 --replace", "sent at the time of the slider, typed as for rover command"],
+  drop: ["drop a command", "MOE:2", "a command that is not sent"],
+  without: ["without a fault", "left_wheels_stuck", "a simulated fault that is not injected"],
+  controller: ["controller", "mpc", "drives all motions to targets: turn_drive, mpc or navigation"],
+  world: ["world", "scans", "a world of the simulation; scans: the obstacles that were measured"],
+};
 
 export class ForkPanel extends View {
-  #isRunning = false;
+  /** @type {AbortController | null} ends the running fork */
+  #running = null;
   #error = "";
   /** @type {WhatIf | null} */
   #answer = null;
-  #setting = html("input", { type: "text", "aria-label": "setting", placeholder: "setting: drive.travel_speed=0.6", title: "a key of the rover's settings; it holds from the start of the recording" });
-  #command = html("input", { type: "text", "aria-label": "command at this time", placeholder: "command: moveTo 3 2 --replace", title: "sent at the time of the slider, typed as for rover command" });
-  #controller = html("select", { "aria-label": "controller" }, ...Object.entries(CONTROLLERS).map(([value, textContent]) => html("option", { value, textContent })));
+  #inputs = Object.values(CHANGES).map(([label, example, title]) => html("input", { type: "text", "aria-label": label, placeholder: `${label}: ${example}`, title }));
   #start = button("fork here", "simulate the run again with this change", () => this.#fork());
   #text = html("p");
   #rows = html("tbody");
   #table = html("table", {}, tableHead("command", "recorded", "with the change"), this.#rows);
   #result = html("div", { className: "fork-result", role: "status", tabIndex: 0, "data-testid": "fork" }, this.#text, this.#table);
-  root = html("div", { className: "fork" }, html("div", { className: "buttons" }, this.#setting, this.#command, this.#controller, this.#start), this.#result);
+  root = html("div", { className: "fork" }, html("div", { className: "buttons" }, ...this.#inputs, this.#start), this.#result);
 
   start() {
-    return [() => this.selection.setFork([])];
+    return [() => this.selection.setFork([]), () => this.#running?.abort()];
   }
 
   async #fork() {
     const { start, end } = this.asset.recording;
-    const texts = (input) => [input.value.trim()].filter(Boolean);
-    const json = { at: (this.cursor.utc_s ?? end) - start, set: texts(this.#setting), command: texts(this.#command), controller: this.#controller.value || null };
-    this.#isRunning = true;
+    const changes = Object.keys(CHANGES).map((option, index) => [option, [this.#inputs[index].value.trim()].filter(Boolean)]);
+    const json = { at: (this.cursor.utc_s ?? end) - start, ...Object.fromEntries(changes) };
+    this.#running = new AbortController();
     this.draw();
     try {
-      this.#answer = await fetchJson(`/api/recordings/${encodeURIComponent(this.asset.name)}/fork`, { json });
+      this.#answer = await fetchJson(`/api/recordings/${encodeURIComponent(this.asset.name)}/fork`, { json, signal: this.#running.signal });
       this.#error = "";
     } catch (error) {
       [this.#answer, this.#error] = [null, error.message];
     }
-    this.#isRunning = false;
+    this.#running = null;
     this.selection.setFork((this.#answer?.forks[0]?.track ?? []).map(({ x_m: x, y_m: y }) => ({ x, y })));
     this.draw();
   }
 
   render() {
-    this.#start.disabled = this.#isRunning;
-    const fork = this.#isRunning ? undefined : this.#answer?.forks[0];
-    this.#result.hidden = !this.#isRunning && !this.#error && !this.#answer;
+    const isRunning = this.#running !== null;
+    this.#start.disabled = isRunning;
+    const fork = isRunning ? undefined : this.#answer?.forks[0];
+    this.#result.hidden = !isRunning && !this.#error && !this.#answer;
     this.#result.classList.toggle("refused", Boolean(this.#error));
-    set(this.#result, { "aria-busy": this.#isRunning, "data-fidelity": this.#answer?.fidelity ?? "" });
-    setText(this.#text, this.#isRunning ? "The run is simulated, first without the change …" : this.#error || textOf(this.#answer));
+    set(this.#result, { "aria-busy": isRunning, "data-fidelity": this.#answer?.fidelity ?? "" });
+    setText(this.#text, isRunning ? "The run is simulated, first without the change …" : this.#error || textOf(this.#answer));
     this.#table.hidden = fork === undefined;
     const recorded = new Map(this.#answer?.recorded.commands.map((each) => [each.command, each]));
     const make = () => html("tr", {}, html("th"), html("td"), html("td"));
