@@ -26,6 +26,8 @@ export class Session extends Topics {
   #becomeReady = () => {};
   /** @type {Map<string, Asset>} */
   assets = new Map();
+  /** names of the recordings that this page does not show @type {Set<string>} */
+  omitted = new Set();
   /** @type {Map<number, AlarmStatus>} open alarms of all assets */
   alarms = new Map();
   /** @type {OpenPage[]} open pages */
@@ -201,11 +203,15 @@ export class Session extends Topics {
     }
   }
 
-  /** Take the assets of a dictionary. A page without a log omits recordings. @param {Dictionary} dictionary */
+  /** Take the assets of a dictionary. A page without a log only names recordings. @param {Dictionary} dictionary */
   #take({ assets, console: own }) {
+    this.omitted.clear();
     for (const [name, { entry }] of this.assets) if (entry?.recording && !(name in assets)) this.assets.delete(name);
     for (const [name, entry] of Object.entries({ ...assets, [own.asset]: own })) {
-      if (entry.recording && !this.hasLog) continue;
+      if (entry.recording && !this.hasLog) {
+        this.omitted.add(name);
+        continue;
+      }
       const asset = this.asset(name, entry);
       asset.entry = entry;
       asset.changed("entry");
