@@ -8,6 +8,7 @@ from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Final, Protocol
 
 from adapters.mal import LinkTraffic, MalError, MalUri
@@ -89,6 +90,7 @@ class MrsLink:
         service_layer: address of another service layer to register at; None for no registration.
         history: recorded history of the executive for `getHistory`; None if it records nothing.
         housekeeping: measures the onboard processes; None for no housekeeping.
+        recordings: folder of the executive's recordings, which clients can fetch; None for none.
         system: clock of messages, and sockets.
 
     Attributes:
@@ -105,6 +107,7 @@ class MrsLink:
         service_layer: MalUri | None = None,
         history: HistoryBuilder | None = None,
         housekeeping: HousekeepingSource | None = None,
+        recordings: Path | None = None,
         system: System = OPERATING_SYSTEM,
     ) -> None:
         self._settings = settings
@@ -114,6 +117,7 @@ class MrsLink:
         self._service_layer = service_layer
         self._history = history
         self._housekeeping = housekeeping
+        self._recordings = recordings
         self._system = system
         self._thread: threading.Thread | None = None
         self._serving: _Serving | None = None
@@ -201,7 +205,8 @@ class MrsLink:
             HistoryService(served, gateway, self._history)
         serve_authority(served, gateway)
         files = FileServices(
-            served, executive.files, settings, partial(gateway.query, _holder), system=self._system
+            *(served, executive.files, settings, partial(gateway.query, _holder)),
+            *(self._recordings, self._system),
         )
         await served.provider.start(*self._address, tls, self._clear_text)
         self._serving = _Serving(gateway, asset, files, over.set)

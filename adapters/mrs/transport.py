@@ -12,6 +12,8 @@ if TYPE_CHECKING:
 NAME: Final = "MRS"
 PORT: Final = 21000
 """TCP port of a rover, below the ephemeral ports of Linux (32768 to 60999)."""
+RECORDING_SO_FAR: Final = "recording-so-far"
+"""Folder with a copy of the executive's recording; a list of this folder makes the copy."""
 
 
 class TransportMismatchError(ConnectionError):

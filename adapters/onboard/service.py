@@ -81,6 +81,8 @@ ODOMETRY_TIMEOUT_S: Final = 3.0
 after 1 s: at load 15 to 25, odometry was missing for 0.1 to 2.3 s after one start in three."""
 GUARD_CHECK_S: Final = 1.0
 """Publication period of the guard's state."""
+RECORDINGS: Final = "recordings"
+"""Subfolder of the data folder."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -154,6 +156,7 @@ def serve(
                     options.service_layer,
                     history,
                     housekeeping,
+                    options.data / RECORDINGS if settings.recording.enabled else None,
                 )
             ) as link,
             served(housekeeping.count(settings, link), metrics) if metrics else nullcontext(),
@@ -169,7 +172,7 @@ def serve(
                 video,
                 options.relay,
                 solver,
-                options.data / "recordings",
+                options.data / RECORDINGS,
                 history,
                 housekeeping,
             ) as executive,

@@ -165,6 +165,23 @@ def test_a_recording_beside_a_rover_is_displayed_in_its_own_time(
     rovers.select_option("jackal@run")
     page.get_by_role("button", name="close", exact=True).click()
     expect(page.get_by_test_id("mode")).to_have_text("IDLE")
+
+    page.evaluate(f"location.hash = '#/browse/{STRIP}?hideInspector=true'")
+    moved = page.locator(".strip .bar[data-state=executed]").filter(has_text="moveTo").last
+    strip, bar = page.locator(".strip").bounding_box(), moved.locator("rect").last.bounding_box()
+    assert strip is not None
+    assert bar is not None
+    page.mouse.click(bar["x"] + bar["width"] / 2, strip["y"] + 8)
+    page.get_by_role("button", name="fork here").click()
+    moment = page.get_by_label("moment")
+    expect(moment).to_be_visible()
+    started = "[data-name=moveTo][data-state=started]"
+    expect(page.locator(f".command{started}")).to_be_visible()
+    assert float(moment.input_value()) < float(moment.get_attribute("max") or 0.0)
+    lite = people.visit(f"{site.url}lite", "bert")
+    expect(lite.get_by_label("recordings").get_by_role("link")).to_have_count(1)
+    lite.context.close()
+    page.get_by_role("button", name="close", exact=True).click()
     page.context.close()
 
 

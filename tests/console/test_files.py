@@ -246,3 +246,30 @@ async def test_a_recording_that_was_changed_since_is_opened_as_it_is_now(
                 opened.append(entry["recording"])
         assets = (await anna.get("api/dictionary"))["assets"]
     assert opened[0] == opened[1] != opened[2] == opened[3] == assets["jackal@run"]["recording"]
+
+
+async def test_the_recording_so_far_is_fetched_and_opened(
+    launch: Launch, drive: Path, tmp_path: Path
+) -> None:
+    """Each request opens what the rover has recorded by then."""
+    growing = tmp_path / "aboard" / "20261130T060000Z.mcap"
+    growing.parent.mkdir()
+    rover, silent = launch(recordings=growing.parent), launch("silent")
+    path, spans = "api/files/jackal/recording", []
+    uris = (rover.uri, silent.uri)
+    async with at_console(tmp_path, uris, "anna", topics=["link"]) as (anna,):
+        for _ in uris:
+            await anna.page.until(lambda message: message.get("state") == "up")
+        status, answer = await anna.post("api/files/silent/recording")
+        assert (status, "recording.enabled" in answer["error"]) == (404, True)
+        status, answer = await anna.post(path)
+        assert (status, "there is no recording yet" in answer["error"]) == (422, True)
+        for run in (drive, record("motion_turn", tmp_path)):
+            growing.write_bytes(run.read_bytes())
+            status, entry = await anna.post(path)
+            assert (status, entry.get("asset")) == (201, "jackal@20261130T060000Z"), entry
+            spans.append(entry["recording"]["end"] - entry["recording"]["start"])
+        rover.hang_up()
+        await anna.page.until(lambda message: message.get("state") == "down")
+        assert "cannot be reached" in (await anna.post(path))[1]["error"]
+    assert spans[0] != spans[1]

@@ -110,7 +110,9 @@ class LinkedBench(Bench):
         authority: AuthoritySettings,
         explains: bool,
         housekeeping: HousekeepingSource | None,
+        recordings: Path | None,
     ) -> None:
+        self._recordings = recordings
         self._housekeeping = housekeeping
         self._history = HistoryBuilder(leaf_paths, RETAINED) if explains else None
         self._port = port
@@ -129,6 +131,7 @@ class LinkedBench(Bench):
             service_layer=self._service_layer,
             history=self._history,
             housekeeping=self._housekeeping,
+            recordings=self._recordings,
         )
         return super()._start()
 
@@ -152,6 +155,7 @@ class Aboard:
         authority: who may command it.
         explains: whether it tells why.
         housekeeping: measures how it is doing.
+        recordings: the folder of its recordings.
     """
 
     def __init__(
@@ -164,7 +168,9 @@ class Aboard:
         authority: AuthoritySettings = WITHOUT_AUTHORITY,
         explains: bool = False,
         housekeeping: HousekeepingSource | None = None,
+        recordings: Path | None = None,
     ) -> None:
+        self.recordings = recordings
         self.housekeeping = housekeeping
         self.authority = authority
         self.explains = explains
@@ -293,6 +299,7 @@ class Aboard:
             self.authority,
             self.explains,
             self.housekeeping,
+            self.recordings,
         )
         while True:
             try:

@@ -20,7 +20,7 @@ from adapters.console.requests.transfers import Connect, TransferAction, Transfe
 from adapters.console.rovers import NS_PER_S, figures_of
 from adapters.console.web import OPERATOR, body_of, json_response, one_of, refused, text_of
 from adapters.mal import MalError
-from adapters.mrs.spec import AreaError, FileInfo, describe_error
+from adapters.mrs.spec import RECORDING_SO_FAR, AreaError, FileInfo, describe_error
 from adapters.recording import RecordingError
 from executive.state import FileStamp
 
@@ -78,7 +78,8 @@ class FileRequests:
             web.post("/api/transfers", self._transfer),
             web.post("/api/transfers/{id}", self._turn),
             web.delete("/api/transfers/{id}", self._remove),
-            web.post("/api/transfers/{id}/recording", self._open),
+            web.post("/api/transfers/{id}/recording", self._open_fetched),
+            web.post("/api/files/{asset}/recording", self._open_so_far),
         ]
 
     async def _list(self, request: web.Request) -> web.Response:
@@ -147,11 +148,28 @@ class FileRequests:
             raise refused(HTTPStatus.NOT_FOUND, _NO_SUCH_TRANSFER) from None
         return json_response(turned)
 
-    async def _open(self, request: web.Request) -> web.Response:
+    async def _open_so_far(self, request: web.Request) -> web.Response:
+        """Fetch the recording of an asset that it writes now, and open it."""
+        asset = request.match_info["asset"]
+        try:
+            (copy,) = await self._client(asset).list_files(RECORDING_SO_FAR)
+            await self._fetch(asset, copy.path)
+        except (MalError, ConnectionError, OSError, ValueError) as error:
+            if isinstance(error, MalError) and error.number == AreaError.NOT_FOUND.value:
+                text = f"{asset} offers no recording: see recording.enabled of its settings"
+                raise refused(HTTPStatus.NOT_FOUND, text) from error
+            raise _file_error(error) from error
+        return await self._open(request, store_path(asset, copy.path))
+
+    async def _open_fetched(self, request: web.Request) -> web.Response:
         """Open a fetched recording as an asset."""
         name = request.match_info["id"]
         found = next((each for each in self._transfers.listed if each.id == name), None)
-        stored = None if found is None else self._store.find(store_path(found.asset, found.path))
+        path = "" if found is None else store_path(found.asset, found.path)
+        return await self._open(request, path)
+
+    async def _open(self, request: web.Request, path: str) -> web.Response:
+        stored = self._store.find(path)
         if stored is None:
             raise refused(HTTPStatus.NOT_FOUND, "no such file in the store: fetch it first")
         try:

@@ -1,11 +1,13 @@
 """`FileServices`: FileManagement and FileTransfer, except the commands `delete` and `move`."""
 
 import asyncio
+import shutil
 from collections.abc import AsyncGenerator, Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import aclosing
 from dataclasses import dataclass
 from heapq import nlargest
+from pathlib import Path
 from typing import Final
 from zlib import crc32
 
@@ -24,6 +26,7 @@ from adapters.mrs.aboard.file_access import (
 )
 from adapters.mrs.aboard.served_operations import ServedOperations
 from adapters.mrs.spec import (
+    RECORDING_SO_FAR,
     AreaError,
     FileChunk,
     FileInfo,
@@ -79,6 +82,7 @@ class FileServices:
 
     Args:
         holder: returns the holder of the authority, which may cancel transfers of all clients.
+        recordings: folder of the recordings, which grow; None without recordings.
         system: clock that decides whether a file is unchanged for long enough.
 
     Attributes:
@@ -91,12 +95,14 @@ class FileServices:
         folder: FileFolder,
         settings: Settings,
         holder: Callable[[], Awaitable[str | None]],
+        recordings: Path | None = None,
         system: System = OPERATING_SYSTEM,
     ) -> None:
         asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(READERS, "files"))
         self._folder = folder
         self._asset = settings.asset
         self._holder = holder
+        self._recordings = recordings
         self._checksums = Checksums(folder, system)
         self._transfers: set[_Transfer] = set()
         self._broadcast = served.broadcast(
@@ -160,12 +166,38 @@ class FileServices:
             raise not_found_error(folder or "") from None
 
     def _listed(self, folder: str) -> tuple[FileInfo, ...]:
+        if folder == RECORDING_SO_FAR and self._recordings is not None:
+            self._copy_recording(self._recordings)
         last = nlargest(
             MAX_LISTED, self._folder.entries(folder), key=lambda entry: entry[1].modified_ns
         )
         return tuple(
             file_info(path, stamp, self._checksums.known(stamp)) for path, stamp in sorted(last)
         )
+
+    def _copy_recording(self, recordings: Path) -> None:
+        """Replace the copy of the recording so far, unless it is being sent.
+
+        Raises:
+            MalError: Rejected, it cannot be copied.
+        """
+        copies = self._folder.root / RECORDING_SO_FAR
+        if any(each.path.startswith(f"{RECORDING_SO_FAR}/") for each in list(self._transfers)):
+            return
+        try:
+            copies.mkdir(parents=True, exist_ok=True)
+            found = sorted(recordings.glob("*.mcap"), key=lambda each: each.stat().st_mtime_ns)
+            if not found:
+                raise with_text(AreaError.REJECTED, "there is no recording yet")
+            newest = found[-1]
+            copy = copies / newest.name
+            part = copy.with_name(f".{copy.name}.part")
+            shutil.copyfile(newest, part)
+            for former in copies.glob("*.mcap"):
+                former.unlink()
+            part.replace(copy)
+        except OSError as error:
+            raise with_text(AreaError.REJECTED, f"no copy of the recording: {error}") from error
 
     async def _cancel(self, call: CallContext, path: str) -> None:
         """Cancel the client's transfers of a file; for the holder of the authority those of all.

@@ -139,3 +139,4 @@ from adapters.mrs.spec.types import Validity as Validity
 from adapters.mrs.spec.types import Waypoint as Waypoint
 from adapters.mrs.transport import NAME as NAME
 from adapters.mrs.transport import PORT as PORT
+from adapters.mrs.transport import RECORDING_SO_FAR as RECORDING_SO_FAR

@@ -6,6 +6,7 @@
 import { fetchJson } from "../model/connection.js";
 import { button, html, reconcile, setText, set, tableHead } from "../dom.js";
 import { ShownPicture } from "./pictures.js";
+import { openRecording } from "./recording.js";
 import { View } from "./view.js";
 import { age, clock, sizeOf } from "../format.js";
 import { isPicture, urlOf } from "../model/pictures.js";
@@ -94,10 +95,7 @@ export class FilesView extends View {
   /** @param {Transfer} transfer */
   async #openRecording({ id, path }) {
     setText(this.#message, `Reading ${path} …`);
-    const entry = await this.#act(`/api/transfers/${id}/recording`, { method: "POST" });
-    if (!entry) return;
-    await this.session.readDictionary();
-    this.shown.choose(entry.asset);
+    await openRecording(this, `/api/transfers/${id}/recording`).catch((error) => setText(this.#message, error.message));
   }
 
   render() {

@@ -33,10 +33,8 @@ export class FleetView extends View {
     if (!chosen) return;
     setText(this.#message, `Reading ${chosen.name} …`);
     try {
-      const name = await openRecording(chosen);
-      await this.session.readDictionary();
+      await openRecording(this, `/api/recordings/${encodeURIComponent(chosen.name)}`, { body: chosen });
       setText(this.#message, "");
-      this.shown.choose(name);
     } catch (error) {
       setText(this.#message, error.message);
     }

@@ -64,8 +64,19 @@ export class RecordingView extends View {
   }
 }
 
-/** Upload a recording to the console. @param {File} file @returns {Promise<string>} the name of its asset */
-export async function openRecording(file) {
-  const { asset } = await fetchJson(`/api/recordings/${encodeURIComponent(file.name)}`, { method: "POST", body: file });
-  return asset;
+/**
+ * Open a recording by a request, and show it.
+ * @param {import("../model/context.js").Context} context
+ * @param {string} path
+ * @param {{body?: File, utc_s?: number}} [options] the file, and the displayed time; by default the end
+ */
+export async function openRecording({ session, shown, cursor }, path, { body, utc_s } = {}) {
+  const { asset } = await fetchJson(path, { method: "POST", body });
+  await session.readDictionary();
+  const isThere = new Promise((resolve) => addEventListener("hashchange", resolve, { once: true }));
+  shown.choose(asset);
+  if (utc_s === undefined) return;
+  await isThere; // that sets the time to the end of the recording
+  const { start, end } = session.asset(asset).recording;
+  cursor.set(Math.min(Math.max(utc_s, start), end));
 }

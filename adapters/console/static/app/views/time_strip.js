@@ -3,8 +3,9 @@
  * alarms. A click on a command selects it; a click beside it sets the displayed time.
  */
 
-import { html, reconcile, setText, set, svg } from "../dom.js";
+import { button, html, reconcile, setText, set, svg } from "../dom.js";
 import { ArchivedHistory } from "../model/archive.js";
+import { openRecording } from "./recording.js";
 import { lanesOf } from "./strip_lanes.js";
 import { View } from "./view.js";
 import { dateOf, interval, timeOfDay } from "../format.js";
@@ -27,6 +28,8 @@ export class TimeStripView extends View {
   #history = new ArchivedHistory(this.session, this.asset, this.draw);
 
   #spanText = html("span", { className: "dim" });
+  #message = html("span", { className: "message", role: "status" });
+  #fork = button("fork here", "fetch the recording so far, and open it at this time", () => this.#openPast(), { hidden: Boolean(this.asset.recording) });
   #legend = Object.entries(LEGEND).map(([style, label]) => html("span", { className: "key" }, html("i", { className: style }), label));
   #axis = svg("g", { class: "axis" });
   #lanes = svg("g");
@@ -38,7 +41,8 @@ export class TimeStripView extends View {
   root = html(
     "section",
     { className: "rover-view strip-view" },
-    html("header", {}, this.#spanText, html("span", { className: "tools" }, ...this.#legend), exporter(this.asset, this.span)),
+    html("header", {}, this.#spanText, html("span", { className: "tools" }, ...this.#legend), this.#fork, exporter(this.asset, this.span)),
+    this.#message,
     this.#scroll,
   );
 
@@ -73,6 +77,15 @@ export class TimeStripView extends View {
     if (x < LEFT_PX) return;
     const utc = start_s + (x - LEFT_PX) / px_per_s;
     cursor.set(!asset.recording && utc >= session.now ? null : utc);
+  }
+
+  /** Fetch the recording that the rover writes, and open it at the displayed time. */
+  async #openPast() {
+    this.#fork.disabled = true;
+    setText(this.#message, "The recording so far is fetched …");
+    const at = { utc_s: this.cursor.utc_s ?? this.session.now };
+    await openRecording(this, `/api/files/${encodeURIComponent(this.asset.name)}/recording`, at).catch((error) => setText(this.#message, error.message));
+    this.#fork.disabled = false;
   }
 
   render() {
@@ -211,9 +224,8 @@ function exporter(asset, span) {
   const option = ([value, textContent]) => html("option", { value, textContent });
   const what = html("select", { "aria-label": "what to export" }, ...Object.entries(KINDS).map(option), option([ALL, "all, as MCAP"]));
   what.onchange = () => (csv.disabled = what.value === ALL);
-  const button = (textContent, title, format) => html("button", { type: "button", textContent, title, onclick: () => save(format) });
-  const csv = button("export CSV", "a table of this span", "csv");
-  const mcap = button("export MCAP", "this span for Foxglove or PlotJuggler", "mcap");
+  const csv = button("export CSV", "a table of this span", () => save("csv"));
+  const mcap = button("export MCAP", "this span for Foxglove or PlotJuggler", () => save("mcap"));
 
   function save(format) {
     const query = new URLSearchParams({ asset: asset.name, content: what.value, format, start: String(span.start_s), end: String(span.end_s) });
