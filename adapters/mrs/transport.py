@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 NAME: Final = "MRS"
 PORT: Final = 21000
 """TCP port of a rover, below the ephemeral ports of Linux (32768 to 60999)."""
-RECORDING_SO_FAR: Final = "recording-so-far"
+CURRENT_RECORDING: Final = "current-recording"
 """Folder with a copy of the executive's recording; a list of this folder makes the copy."""
 
 

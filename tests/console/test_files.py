@@ -248,10 +248,10 @@ async def test_a_recording_that_was_changed_since_is_opened_as_it_is_now(
     assert opened[0] == opened[1] != opened[2] == opened[3] == assets["jackal@run"]["recording"]
 
 
-async def test_the_recording_so_far_is_fetched_and_opened(
+async def test_the_current_recording_is_fetched_and_opened(
     launch: Launch, drive: Path, tmp_path: Path
 ) -> None:
-    """Each request opens what the rover has recorded by then."""
+    """Each request opens the recording of that time."""
     growing = tmp_path / "aboard" / "20261130T060000Z.mcap"
     growing.parent.mkdir()
     rover, silent = launch(recordings=growing.parent), launch("silent")

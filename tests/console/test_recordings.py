@@ -142,11 +142,11 @@ async def test_a_fork_ends_with_the_connection_of_its_page(
         operator(address, "anna") as anna,
     ):
         post = partial(anna.post, f"api/recordings/{RUN}/fork", set=["drive.travel_speed=0.3"])
-        asking = asyncio.create_task(post())
+        answer = asyncio.create_task(post())
         async with asyncio.timeout(LIMIT_S):
             while not (pid.exists() and pid.read_text()):
                 await asyncio.sleep(0.01)
-            asking.cancel()
+            answer.cancel()
             while Path("/proc", pid.read_text()).exists():
                 await asyncio.sleep(0.01)
         monkeypatch.setattr(forks, "FORK", "no_such_module")

@@ -20,7 +20,7 @@ from adapters.console.requests.transfers import Connect, TransferAction, Transfe
 from adapters.console.rovers import NS_PER_S, figures_of
 from adapters.console.web import OPERATOR, body_of, json_response, one_of, refused, text_of
 from adapters.mal import MalError
-from adapters.mrs.spec import RECORDING_SO_FAR, AreaError, FileInfo, describe_error
+from adapters.mrs.spec import CURRENT_RECORDING, AreaError, FileInfo, describe_error
 from adapters.recording import RecordingError
 from executive.state import FileStamp
 
@@ -79,7 +79,7 @@ class FileRequests:
             web.post("/api/transfers/{id}", self._turn),
             web.delete("/api/transfers/{id}", self._remove),
             web.post("/api/transfers/{id}/recording", self._open_fetched),
-            web.post("/api/files/{asset}/recording", self._open_so_far),
+            web.post("/api/files/{asset}/recording", self._open_current),
         ]
 
     async def _list(self, request: web.Request) -> web.Response:
@@ -117,15 +117,17 @@ class FileRequests:
     async def _fetch(self, asset: str, path: str) -> None:
         begun = self._transfers.fetch(asset, path, "")
         stopped = await self._transfers.until_stopped(begun.id)
-        if stopped.state is TransferState.INTERRUPTED:
-            text = f"not fetched yet: {stopped.detail}; its transfer resumes by itself"
-            raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text)
-        if stopped.state is TransferState.PAUSED:
-            text = "not fetched yet: its transfer is paused; resume the transfer"
-            raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text)
-        if stopped.state is not TransferState.DONE:
-            text = f"not fetched: {stopped.detail or 'its transfer was ended'}; request it again"
-            raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text)
+        match stopped.state:
+            case TransferState.DONE:
+                return
+            case TransferState.INTERRUPTED:
+                text = f"not fetched yet: {stopped.detail}; its transfer resumes by itself"
+            case TransferState.PAUSED:
+                text = "not fetched yet: its transfer is paused; resume the transfer"
+            case _:
+                why = stopped.detail or "its transfer was ended"
+                text = f"not fetched: {why}; request it again"
+        raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text)
 
     async def _list_transfers(self, _: web.Request) -> web.Response:
         return json_response({"transfers": self._transfers.listed})
@@ -148,11 +150,11 @@ class FileRequests:
             raise refused(HTTPStatus.NOT_FOUND, _NO_SUCH_TRANSFER) from None
         return json_response(turned)
 
-    async def _open_so_far(self, request: web.Request) -> web.Response:
+    async def _open_current(self, request: web.Request) -> web.Response:
         """Fetch the recording of an asset that it writes now, and open it."""
         asset = request.match_info["asset"]
         try:
-            (copy,) = await self._client(asset).list_files(RECORDING_SO_FAR)
+            (copy,) = await self._client(asset).list_files(CURRENT_RECORDING)
             await self._fetch(asset, copy.path)
         except (MalError, ConnectionError, OSError, ValueError) as error:
             if isinstance(error, MalError) and error.number == AreaError.NOT_FOUND.value:

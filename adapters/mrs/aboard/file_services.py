@@ -26,7 +26,7 @@ from adapters.mrs.aboard.file_access import (
 )
 from adapters.mrs.aboard.served_operations import ServedOperations
 from adapters.mrs.spec import (
-    RECORDING_SO_FAR,
+    CURRENT_RECORDING,
     AreaError,
     FileChunk,
     FileInfo,
@@ -166,7 +166,7 @@ class FileServices:
             raise not_found_error(folder or "") from None
 
     def _listed(self, folder: str) -> tuple[FileInfo, ...]:
-        if folder == RECORDING_SO_FAR and self._recordings is not None:
+        if folder == CURRENT_RECORDING and self._recordings is not None:
             self._copy_recording(self._recordings)
         last = nlargest(
             MAX_LISTED, self._folder.entries(folder), key=lambda entry: entry[1].modified_ns
@@ -176,13 +176,13 @@ class FileServices:
         )
 
     def _copy_recording(self, recordings: Path) -> None:
-        """Replace the copy of the recording so far, unless it is being sent.
+        """Replace the copy of the current recording, unless it is being sent.
 
         Raises:
             MalError: Rejected, it cannot be copied.
         """
-        copies = self._folder.root / RECORDING_SO_FAR
-        if any(each.path.startswith(f"{RECORDING_SO_FAR}/") for each in list(self._transfers)):
+        copies = self._folder.root / CURRENT_RECORDING
+        if any(each.path.startswith(f"{CURRENT_RECORDING}/") for each in list(self._transfers)):
             return
         try:
             copies.mkdir(parents=True, exist_ok=True)

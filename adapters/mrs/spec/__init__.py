@@ -137,6 +137,6 @@ from adapters.mrs.spec.types import TrialBranch as TrialBranch
 from adapters.mrs.spec.types import TrialFigure as TrialFigure
 from adapters.mrs.spec.types import Validity as Validity
 from adapters.mrs.spec.types import Waypoint as Waypoint
+from adapters.mrs.transport import CURRENT_RECORDING as CURRENT_RECORDING
 from adapters.mrs.transport import NAME as NAME
 from adapters.mrs.transport import PORT as PORT
-from adapters.mrs.transport import RECORDING_SO_FAR as RECORDING_SO_FAR

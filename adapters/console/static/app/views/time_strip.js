@@ -29,7 +29,7 @@ export class TimeStripView extends View {
 
   #spanText = html("span", { className: "dim" });
   #message = html("span", { className: "message", role: "status" });
-  #fork = button("fork here", "fetch the recording so far, and open it at this time", () => this.#openPast(), { hidden: Boolean(this.asset.recording) });
+  #fork = button("fork here", "fetch the current recording, and open it at this time", () => this.#openPast(), { hidden: Boolean(this.asset.recording) });
   #legend = Object.entries(LEGEND).map(([style, label]) => html("span", { className: "key" }, html("i", { className: style }), label));
   #axis = svg("g", { class: "axis" });
   #lanes = svg("g");
@@ -82,7 +82,7 @@ export class TimeStripView extends View {
   /** Fetch the recording that the rover writes, and open it at the displayed time. */
   async #openPast() {
     this.#fork.disabled = true;
-    setText(this.#message, "The recording so far is fetched …");
+    setText(this.#message, "The current recording is fetched …");
     const at = { utc_s: this.cursor.utc_s ?? this.session.now };
     await openRecording(this, `/api/files/${encodeURIComponent(this.asset.name)}/recording`, at).catch((error) => setText(this.#message, error.message));
     this.#fork.disabled = false;
