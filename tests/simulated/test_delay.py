@@ -245,6 +245,25 @@ def test_a_share_of_whole_messages_is_lost() -> None:
     assert 5 < answered.count(False) < 18, "of 30, 11 are expected"
 
 
+def test_no_result_of_a_command_is_missed_over_a_link_that_loses_messages() -> None:
+    """A lost request or acknowledgement is a timeout; a lost report is fetched."""
+    session = Session(2.0)
+
+    async def work(client: MrsClient) -> None:
+        for _ in range(12):
+            command = client.command(SetTravelSpeed(0.2))
+            while not (outcome := await asyncio.wait_for(client.run(command), 60.0)).executed:
+                assert isinstance(outcome.refusal, MalError), outcome
+            session.ends.append(outcome.stage)
+
+    settings = patient_settings(ADDRESS.asset)
+    with delayed_world(LinkConditions(2.0, loss=0.15), RoverBelow(), settings) as world:
+        world.process("ground", HOST, partial(session.start, work)).begin()
+        world.run(400.0)
+        assert world.errors == []
+    assert session.ends == 12 * [Stage.EXECUTED]
+
+
 def start_console(round_trip_s: float, process: Process) -> None:
     rover = RoverTarget(URI, TransportSettings(round_trip_s=round_trip_s))
     options = ConsoleOptions((rover,), "127.0.0.1", PORT, None, None, process.folder)

@@ -235,11 +235,12 @@ class MrsClient(Queries):
         """
         watch = CommandWatch(command, on_report)
         self._watches.append(watch)
+        checking: asyncio.Task[None] | None = None
         try:
             if not isinstance(command.request, Stop):
                 (await self._session.consumer()).require(*REPORTS)
             await self.submit(command)
-            await self._check_reported(command)
+            checking = asyncio.create_task(self._check_reported(watch))
             if on_stored is not None:
                 await self._report_if_stored(watch, on_stored)
             await watch.ended
@@ -248,18 +249,20 @@ class MrsClient(Queries):
             return replace(watch.outcome, refusal=refusal)
         finally:
             self._watches.remove(watch)
+            if checking is not None:
+                checking.cancel()
 
-    async def _check_reported(self, command: Command) -> None:
-        """Check the directory, which may have answered only after the command was sent."""
-        consumer = await self._session.consumer()
-        try:
-            await consumer.wait_discovered()
-            consumer.require(*REPORTS)
-        except NotServedError as error:
-            text = f"{command.identity} was accepted, but its end is not reported: {error}"
-            raise ConnectionError(text) from error
-        except MalError:  # the connection is lost; the next one is checked by its subscriptions
-            return
+    async def _check_reported(self, watch: CommandWatch) -> None:
+        """Check the directory, which may answer only after the command was sent."""
+        with suppress(ConnectionError, MalError):  # they end the watch, or the link is restored
+            consumer = await self._session.consumer()
+            try:
+                await consumer.wait_discovered()
+                consumer.require(*REPORTS)
+            except NotServedError as error:
+                identity = watch.outcome.command.identity
+                text = f"{identity} was accepted, but its end is not reported: {error}"
+                watch.fail(ConnectionError(text))
 
     async def _report_if_stored(
         self, watch: CommandWatch, on_stored: Callable[[str], None]
@@ -400,17 +403,23 @@ class MrsClient(Queries):
         with suppress(MalError, ConnectionError):
             now_s = asyncio.get_running_loop().time
             before, sent_s = await self._session.consumer(), now_s()
-            await self._give_sign()
+            last = await self._give_sign()
             if (consumer := await self._session.consumer()) is before:  # it was not sent again
                 self.delay = replace(self.delay, measured_s=now_s() - sent_s)
-            await self._feed.catch_up(consumer)
+            await self._feed.catch_up(consumer, last)
 
-    async def _give_sign(self) -> None:
-        """Send a query that the peer supports, so that TCP detects a lost peer."""
+    async def _give_sign(self) -> ReceivedReport | None:
+        """Send a query that the peer supports, so that TCP detects a lost peer.
+
+        Return the last report on a link with a noticeable delay: it may lose whole messages.
+        """
+        queries = [self.get_status_interval_s, self.get_last_notification]
+        first, second = reversed(queries) if self.delay.is_noticeable else queries
         try:
-            await self.get_status_interval_s()
-        except NotServedError:  # at an orbiter; the query was not sent
-            await self.get_last_notification()
+            answer = await first()
+        except NotServedError:  # at an orbiter, or without reports; the query was not sent
+            answer = await second()
+        return answer if isinstance(answer, ReceivedReport) else None
 
     async def _send_authority_request(self, operation: str, *arguments: Any) -> AuthorityStatus:
         return await self._one(AuthorityStatus, "Authority", operation, *arguments)

@@ -16,6 +16,7 @@ from adapters.mal import (
     NamedValue,
     OnUpdate,
     ProgressStream,
+    StandardError,
     Subscription,
     TypedAttribute,
 )
@@ -144,6 +145,17 @@ class NotServedError(MalError):
         super().__init__(AreaError.NOT_SUPPORTED.value, TypedAttribute(AttributeType.STRING, text))
 
 
+async def repeated(request: Callable[[], Awaitable[T]], attempts: int) -> T:
+    """Send a request again if it or its answer is lost; raises the last error."""
+    while True:
+        attempts -= 1
+        try:
+            return await request()
+        except MalError as error:
+            if error.number != StandardError.DELIVERY_TIMEDOUT.value or not attempts:
+                raise
+
+
 class RoverConsumer:
     """Has the calls of a `Consumer`, and directs each to the address of its service.
 
@@ -174,14 +186,15 @@ class RoverConsumer:
         """Whether the directory lists services at other addresses than its own."""
         return bool(self._locations.providers or self._locations.brokers)
 
-    async def discover(self, uri: MalUri) -> None:
+    async def discover(self, uri: MalUri, attempts: int = 1) -> None:
         """Query the directory, connected at this URI; raises as `request` does.
 
         A call before the answer goes to the directory's own address. If it fails there and the
         directory lists another one, it is sent there.
         """
         try:
-            (found,) = await self._directory.request(DIRECTORY, "getServices")
+            request = partial(self._directory.request, DIRECTORY, "getServices")
+            (found,) = await repeated(request, attempts)
             self._uri, self._locations = uri, service_locations(found, uri)
         except MalError as error:
             self._fault = error
@@ -269,7 +282,9 @@ class RoverConsumer:
         consumer = await find()
         try:
             return await call(consumer)
-        except MalError:
+        except MalError as error:
+            if error.number == StandardError.DELIVERY_TIMEDOUT.value:
+                raise
             await self.wait_discovered()
             if (listed := await find()) is consumer:
                 raise

@@ -4,12 +4,13 @@ import asyncio
 import logging
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
+from functools import partial
 from socket import gaierror
 from typing import Any, Final
 from urllib.parse import urlsplit
 
 from adapters.mal import SCHEME, MalError, MalUri, StandardError
-from adapters.mrs.ground.rover_consumer import Dialer, RoverConsumer
+from adapters.mrs.ground.rover_consumer import Dialer, RoverConsumer, repeated
 from adapters.mrs.spec import NAME, PORT, AuthorityStatus, describe_error
 from adapters.mrs.transport import TransportMismatchError, TransportSettings
 from adapters.system import OPERATING_SYSTEM, System
@@ -18,6 +19,8 @@ _LOG: Final = logging.getLogger(__name__)
 
 RECONNECT_S: Final = 0.2
 """Period of reconnection attempts; chosen, not measured."""
+SET_UP_ATTEMPTS: Final = 6
+"""Attempts of directory and subscriptions on a link that may lose whole messages; chosen."""
 
 
 NOTICEABLE_S: Final = 1.0
@@ -230,7 +233,8 @@ class RoverSession:
         restore = self._restore or _restore_nothing
         try:
             if at_once:
-                await asyncio.gather(consumer.discover(self.uri), restore(consumer))
+                restoring = repeated(partial(restore, consumer), SET_UP_ATTEMPTS)
+                await asyncio.gather(consumer.discover(self.uri, SET_UP_ATTEMPTS), restoring)
             else:
                 await consumer.discover(self.uri)
             if not at_once or consumer.is_distributed:

@@ -108,6 +108,10 @@ class Updates(Streams[T]):
         self.put(self._item(*parts))
 
 
+_PASSING_ERRORS: Final = {StandardError.INTERNAL.value, StandardError.DELIVERY_TIMEDOUT.value}
+"""Errors of a query that may succeed later on the same connection."""
+
+
 class NotificationStream:
     """Delivers every report from the first connection on, in the order of recording.
 
@@ -118,7 +122,8 @@ class NotificationStream:
             start again, and its commands are unknown.
 
     Attributes:
-        behind: whether reports may be missing, because the rover could not read its record.
+        behind: whether reports may be missing: the rover could not read its record, or the link
+            lost some.
     """
 
     def __init__(
@@ -146,12 +151,18 @@ class NotificationStream:
         )
         await self._catch_up(consumer, held)
 
-    async def catch_up(self, consumer: RoverConsumer) -> None:
-        """Catch up on the same connection, if the rover could not read its record before.
+    async def catch_up(self, consumer: RoverConsumer, last: ReceivedReport | None = None) -> None:
+        """Catch up on the same connection, if reports may be missing.
+
+        Args:
+            consumer: the connection.
+            last: the last report of the rover, if it was requested: it must have arrived before.
 
         Raises:
             MalError: the connection is lost.
         """
+        if last is not None:
+            self.behind |= self._has_last and last.cursor > self._last_cursor
         if self.behind and self._held is None:  # not beside another one
             held = self._held = []
             await self._catch_up(consumer, held)
@@ -164,7 +175,7 @@ class NotificationStream:
         except MalError as error:  # without its record the rover still accepts a stop
             if error.number in LINK_LOST_ERRORS:
                 raise
-            self.behind = error.number == StandardError.INTERNAL.value
+            self.behind = error.number in _PASSING_ERRORS
         finally:
             if self._held is held:
                 self._held = None
@@ -177,6 +188,7 @@ class NotificationStream:
     def _on_update(self, _: UpdateHeader, notification: Notification) -> None:
         received = received_report(notification)
         if self._held is None:
+            self.behind |= self._last is not None and received.cursor > self._last.cursor + 1
             self._pass_on(received)
         else:
             self._held.append(received)
