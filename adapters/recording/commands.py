@@ -77,7 +77,7 @@ def replay(
 
         found = regressions.compare(recordings, others, jobs)
         found = regressions.judge(found, settings, jobs) if judge and found.groups else found
-        click.echo(json.dumps(found.document()) if as_json else found.markdown())
+        click.echo(json.dumps(found.document(), default=str) if as_json else found.markdown())
         raise SystemExit(BAD_FILE if found.unusable else DIFFERS if found.groups else SAME)
     for path in recordings:
         try:

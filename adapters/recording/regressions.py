@@ -9,9 +9,10 @@ import sys
 from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from importlib.util import find_spec
+from itertools import chain
 from multiprocessing import get_context
 from os import cpu_count
 from pathlib import Path
@@ -103,11 +104,6 @@ class Regressions:
         order = sorted(found, key=lambda key: (TEXTS in key, -len(found[key])))
         return tuple(Group(tuple(found[key])) for key in order)
 
-    @property
-    def summary(self) -> str:
-        """One line; the last of the output."""
-        return f"{self.same} of {len(self.compared)} recordings decide the same"
-
     def markdown(self) -> str:
         """Return a table of the groups, then the files that were not used or not whole."""
         lines = [_HEADER, *map(_row, self.groups), ""] if self.groups else []
@@ -119,19 +115,21 @@ class Regressions:
             for each in self.compared
             if each.cut_s is not None
         ]
-        return "\n".join([*lines, *([""] if lines and lines[-1] else []), self.summary])
+        lines += [""] if lines and lines[-1] else []
+        summary = f"{self.same} of {len(self.compared)} recordings decide the same"
+        return "\n".join([*lines, summary])
 
     def document(self) -> dict[str, Any]:
-        """Return the result as plain data for JSON."""
+        """Return the result as plain data; paths are not yet text."""
         groups = [
             {
                 **dict(zip(("command", "replayed", "recorded"), group.first.group, strict=True)),
                 "change": group.change,
-                "recordings": [_member(each) for each in group.members],
+                "recordings": [asdict(each) for each in group.members],
             }
             for group in self.groups
         ]
-        unusable = [{"path": str(each.path), "error": each.error} for each in self.unusable]
+        unusable = [asdict(each) for each in self.unusable]
         total = len(self.compared)
         return {"recordings": total, "same": self.same, "groups": groups, "unusable": unusable}
 
@@ -164,35 +162,29 @@ def judge(found: Regressions, asset: str | None, jobs: int | None) -> Regression
             changed.
         jobs: number of processes; None for one on each core.
     """
-    paths = [str(each.path) for each in found.compared if each.decision and each.decision.decision]
+    differ = [each for each in found.compared if each.decision and each.decision.decision]
     if any(find_spec(name) is None for name in ("sim", "mujoco")):
         text = "the simulation is not installed: pip install 'rover-executive[sim]'"
-        verdicts = dict.fromkeys(paths, (UNKNOWN, text))
+        judged = [replace(each, verdict=UNKNOWN, reason=text) for each in differ]
     else:
-        workers = min(jobs or cpu_count() or 1, len(paths))
-        shares = [paths[number::workers] for number in range(workers)]
-        with ThreadPoolExecutor(max(workers, 1)) as pool:
-            answers = pool.map(partial(_verdicts, asset), shares)
-            verdicts = {path: verdict for answer in answers for path, verdict in answer.items()}
-    return Regressions(
-        tuple(
-            each if answer is None else replace(each, verdict=answer[0], reason=answer[1])
-            for each in found.compared
-            for answer in [verdicts.get(str(each.path))]
-        )
-    )
+        workers = max(1, min(jobs or cpu_count() or 1, len(differ)))
+        shares = [differ[number::workers] for number in range(workers)]
+        with ThreadPoolExecutor(workers) as pool:
+            judged = [*chain(*pool.map(partial(_judged, asset), shares))]
+    verdicts = {each.path: each for each in judged}
+    return Regressions(tuple(verdicts.get(each.path, each) for each in found.compared))
 
 
-def _verdicts(asset: str | None, paths: Sequence[str]) -> dict[str, tuple[str, str]]:
-    """Return verdict and reason of recordings, by a process of its own."""
-    wanted = json.dumps({"recordings": paths, "settings": asset})
+def _judged(asset: str | None, share: Sequence[Compared]) -> list[Compared]:
+    """Return recordings with verdict and reason, by a process of its own."""
+    request = json.dumps({"recordings": [str(each.path) for each in share], "settings": asset})
     command = [sys.executable, "-P", "-m", JUDGE]
-    ended = subprocess.run(command, input=wanted, capture_output=True, text=True)
+    ended = subprocess.run(command, input=request, capture_output=True, text=True)
     lines = ended.stderr.strip().splitlines() or [f"exit status {ended.returncode}"]
-    failed = dict.fromkeys(paths, (UNKNOWN, f"the fork failed: {lines[-1]}"))
-    return failed | {
-        path: (one, two) for path, one, two in map(json.loads, ended.stdout.splitlines())
-    }
+    answers = {path: answer for path, *answer in map(json.loads, ended.stdout.splitlines())}
+    failed = UNKNOWN, f"the fork failed: {lines[-1]}"
+    answered = ((each, *answers.get(str(each.path), failed)) for each in share)
+    return [replace(each, verdict=verdict, reason=why) for each, verdict, why in answered]
 
 
 def _compared(path: Path, settings: Settings | None) -> Compared:
@@ -201,19 +193,6 @@ def _compared(path: Path, settings: Settings | None) -> Compared:
     except RecordingError as error:
         return Compared(path, error=str(error))
     return Compared(path, found.decision, cut_s=None if found.whole else found.duration_s)
-
-
-def _member(compared: Compared) -> dict[str, Any]:
-    assert compared.decision is not None
-    found = compared.decision.decision
-    return {
-        "path": str(compared.path),
-        "entry": compared.decision.entry,
-        "time_s": compared.decision.time_s,
-        "change": found and found.change,
-        "verdict": compared.verdict,
-        "reason": compared.reason,
-    }
 
 
 def _row(group: Group) -> str:

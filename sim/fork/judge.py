@@ -21,8 +21,6 @@ BETTER: Final = "better"
 WORSE: Final = "worse"
 SAME: Final = "same"
 UNKNOWN: Final = "not judged"
-LATER_S: Final = 0.5
-"""Difference of the end times that the text of equal outcomes names, s; chosen."""
 
 
 def judge(path: Path, settings: Settings | None) -> tuple[str, str]:
@@ -42,6 +40,8 @@ def judge(path: Path, settings: Settings | None) -> tuple[str, str]:
                 return UNKNOWN, "the fork without a change differs from the recording"
     except (RecordingError, SettingsError) as error:
         return UNKNOWN, str(error)
+    except Exception as error:  # raised by changed code: the other recordings are still judged
+        return UNKNOWN, f"the fork failed: {type(error).__name__}: {error}"
     return compare(before, fork)
 
 
@@ -50,12 +50,8 @@ def compare(before: ForkRun, after: ForkRun) -> tuple[str, str]:
     for old, new in zip(_faults(before), _faults(after), strict=True):
         if old is not None and new is not None and old[0] != new[0]:
             return (WORSE if new[0] > old[0] else BETTER), f"{new[1]}; before: {old[1]}"
-    (_, then), (_, now) = _unmet(before), _unmet(after)
-    if then != now:
-        return SAME, f"{now}; before: {then}"
-    later_s = _last_end_s(after) - _last_end_s(before)
-    is_later = abs(later_s) > LATER_S
-    return SAME, f"{abs(later_s):.1f} s {'later' if later_s > 0 else 'earlier'}" if is_later else ""
+    then, now = _unmet(before)[1], _unmet(after)[1]
+    return SAME, "" if then == now else f"{now}; before: {then}"
 
 
 def _faults(run: ForkRun) -> Iterator[tuple[int, str] | None]:
@@ -72,10 +68,6 @@ def _unmet(run: ForkRun) -> tuple[int, str]:
     unmet = [each for each in run.outcome.commands if each.stage != Stage.EXECUTED.name]
     texts = (f"{each.command} {each.stage} {each.reason}".rstrip() for each in unmet)
     return len(unmet), ", ".join(texts) or "all EXECUTED"
-
-
-def _last_end_s(run: ForkRun) -> float:
-    return max((each.end_s for each in run.outcome.commands), default=0.0)
 
 
 def main() -> None:

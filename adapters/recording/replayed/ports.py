@@ -29,8 +29,6 @@ from executive.core.ros_clients import CancelRequest
 from executive.core.runner import Executive
 from executive.motion import SharedSolver, Trajectory, TrajectoryProblem
 from executive.record import Ledger, LedgerError, Synchronous, WriterState
-from executive.values.geometry import Velocity
-from executive.values.ports import CameraIntent, DelegatedMotion, NavigationGoal, PathRequest
 
 
 class RecordedClock:
@@ -244,35 +242,9 @@ class NullVideo:
 class NullRover:
     """Rover without effect: the recorded facts contain the motion."""
 
-    def drive(self, velocity: Velocity) -> None:
-        """Ignored."""
+    def _ignore(self, *_: object, **__: object) -> None:
+        """Do nothing."""
 
-    def execute_motion(self, motion: DelegatedMotion) -> None:
-        """Ignored."""
-
-    def halt(self) -> None:
-        """Ignored."""
-
-    def navigate(self, goal: NavigationGoal) -> None:
-        """Ignored."""
-
-    def cancel_navigation(self) -> None:
-        """Ignored."""
-
-    def open_gate(self, is_open: bool) -> None:
-        """Ignored."""
-
-    def plan_path(self, request: PathRequest) -> None:
-        """Ignored."""
-
-    def point_camera(self, wanted: CameraIntent) -> None:
-        """Ignored."""
-
-    def request_frame(self) -> None:
-        """Ignored."""
-
-    def emergency_stop(self) -> None:
-        """Ignored."""
-
-    def lock(self, held: bool) -> None:
-        """Ignored."""
+    drive = execute_motion = halt = lock = emergency_stop = _ignore
+    navigate = cancel_navigation = open_gate = plan_path = _ignore
+    point_camera = request_frame = _ignore
