@@ -81,7 +81,7 @@ def status_line(status: SeenStatus) -> Text:
         )
     )
     mode = "OFFLINE" if status.mode is None else status.mode.name
-    age = f"  {status.age_s:.1f} s old" if status.age_s > NOTICEABLE_AGE_S else ""
+    age = f"  {status.age_s:.1f} s old" if status.age_s >= NOTICEABLE_AGE_S else ""
     return Text.assemble(
         (f"{mode:<8}", "bold"),
         f" x {x_m:z6.2f} m  y {y_m:z6.2f} m  heading {degrees(heading_rad):z6.1f}°"
@@ -105,7 +105,7 @@ def relay_line(status: SeenStatus) -> Text:
 
 
 NOTICEABLE_AGE_S: Final = 1.0
-"""Age of a status from which it is displayed, s: older than several polls."""
+"""Minimum age of a status that is displayed with it, s: that of several polls."""
 COMMAND: Final = 32
 """Maximum width of a command, in columns."""
 _STYLE: Final = {
