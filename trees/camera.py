@@ -48,7 +48,7 @@ class PanTilt(GoalLeaf):
             abs(self._target.tilt_rad - measured.tilt_rad),
         )
         self._allow(left_rad)
-        self.feedback_message = f"{angle_text(left_rad)} left"
+        self.feedback_message = f"{angle_text(left_rad)} remaining"
         if left_rad > self.context.settings.camera.angle_tolerance_rad:
             return Status.RUNNING
         self.queue.complete_active(

@@ -133,8 +133,8 @@ class PredictiveLaw(Motion):
         left_m, _ = self._measured_error
         course = self._replanning.course
         if course is None:
-            return f"{left_m:.3f} m left"
-        return f"{left_m:.3f} m and {course.plan.duration_s:.1f} s left"
+            return f"{left_m:.3f} m remaining"
+        return f"{left_m:.3f} m and {course.plan.duration_s:.1f} s remaining"
 
     def update_limits(self, _: float) -> bool:
         """Estimate the duration again if the speed limit changed."""

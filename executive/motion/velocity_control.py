@@ -96,7 +96,7 @@ class _Law(Motion):
     def remaining_text(self) -> str:
         """The remaining distance or angle, for display."""
         spec = "+.1f" if self.unit == "rad" else "+.3f"
-        return f"{quantity_text(self.remaining, self.unit, spec)} left"
+        return f"{quantity_text(self.remaining, self.unit, spec)} remaining"
 
     def update_limits(self, now_s: float) -> bool:
         """Plan again if the speed limit changed; return whether it did."""

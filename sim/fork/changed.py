@@ -1,22 +1,27 @@
-"""Applies a `Change` to the settings of a recording and to the timeline of its scenario."""
+"""Reads a `Change` from texts, and applies it to the settings and the timeline of a recording."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, Final
 
-from executive.commands import FollowPath, MoveTo, PreemptionPolicy, Request
+from adapters.mrs.cli.command_text import read_command_text
+from executive.commands import DIRECT_LINK, FollowPath, MoveTo, PreemptionPolicy, Request
 from executive.settings import (
     Controller,
     FormatError,
     Settings,
     SettingsError,
+    config_folder,
     faults_of,
+    named_file,
     parse_yaml,
     settings_reader,
     suggestion,
 )
 from executive.values.reports import Identity
-from sim.fork.model import Change
+from sim.fork.model import AddedCommand, Change
+from sim.rover import World, load_world
 from sim.rover.faults import fault_declaration
 from sim.scenario.changes import Override
 from sim.scenario.model import Clear, Entry, Fix, Inject, Send
@@ -25,6 +30,50 @@ NEVER_S: Final = 1e9
 """Time of entries that are left out; a timeline has finite times."""
 LABEL: Final = "added"
 """Label of added commands, before their number."""
+SCANS: Final = "scans"
+"""Name of the world of measured obstacles."""
+
+
+def read_change(
+    settings: Iterable[str],
+    commands: Iterable[str],
+    dropped: Iterable[str],
+    without: Iterable[str],
+    controller: str | None,
+    world: str | None,
+) -> Change:
+    """Return the change of these options of `rover whatif`.
+
+    Raises:
+        SettingsError: a text cannot be read.
+    """
+    try:
+        overrides = tuple(map(Override.parse, settings))
+        typed = [read_command_text(each, Identity("MOE", 1), DIRECT_LINK) for each in commands]
+    except ValueError as error:
+        text = str(error).replace("world.friction=0.4", "drive.travel_speed=0.6")
+        raise SettingsError(text) from error
+    return Change(
+        settings=overrides,
+        controller=None if controller is None else Controller(controller),
+        world=None if world in (None, SCANS) else _world(world),
+        scans=world == SCANS,
+        added=tuple(AddedCommand(each.request, preemption=each.preemption) for each in typed),
+        dropped=tuple(map(_identity, dropped)),
+        without=tuple(without),
+    )
+
+
+def _identity(text: str) -> Identity:
+    identity = Identity.parse(text)
+    if identity is None:
+        raise SettingsError(f"--drop {text!r} is no command id such as MOE:2")
+    return identity
+
+
+def _world(name: str) -> World:
+    folder = config_folder() / "worlds"
+    return load_world(Path(name) if name.endswith(".yaml") else named_file("world", name, folder))
 
 
 def changed_settings(settings: Settings, change: Change) -> Settings:

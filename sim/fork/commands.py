@@ -106,11 +106,10 @@ def whatif(
     from adapters.recording import RecordingError
     from executive.settings import SettingsError
     from executive.values.reports import printable
+    from sim.fork.answer import answer_lines, write_plots
+    from sim.fork.changed import read_change
     from sim.fork.forkable import whatif as answer_of
     from sim.fork.model import Change, Fidelity
-    from sim.fork.pictures import write_plots
-    from sim.fork.question import read_change
-    from sim.fork.text import answer_lines
 
     if save:
         if any(each not in (None, ()) for each in (at_s, out, *texts.values())):
@@ -127,7 +126,7 @@ def whatif(
         forked = None if out is None else _new_file(out)
         answer = answer_of(recording, change, at_s, seeds or 1, forked)
         if out is not None and answer.forks:
-            write_plots([recording, out / FORK], out / PLOT)
+            write_plots(recording, out / FORK, change, out / PLOT)
     except (RecordingError, SettingsError) as error:
         click.echo(f"Error: {error}", err=True)
         sys.exit(NOT_USABLE)

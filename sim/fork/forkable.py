@@ -206,6 +206,11 @@ class Forkable:
             assumed: world and seed that the recording lacks.
         """
         run, log = self._fork(assumed or Change(), at_s)
+        begin_s = run.outcome.at_s or 0.0
+        if run.outcome.placing is not Placing.PHYSICS and (
+            begin_s + self.settings.tick_s > self._log.now_s + ALMOST_S
+        ):
+            return run, Fidelity.NOT_COMPARED
         # The last instant of a truncated file may be incomplete, and a live run ends by a call.
         is_complete = self._whole and TimelineStarted in self._log.kinds
         end_s = self._log.now_s + (ALMOST_S if is_complete else 0.0)

@@ -37,6 +37,8 @@ class Fidelity(Enum):
     SAME_OUTCOMES = "same outcomes"
     """Each command ends in the same stage for the same reason."""
     DIFFERENT = "different"
+    NOT_COMPARED = "not compared"
+    """The fork begins at the end of the recording: only the replay is the same."""
 
 
 @dataclass(frozen=True, slots=True)

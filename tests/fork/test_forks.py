@@ -144,6 +144,8 @@ def test_a_recording_without_a_timeline_is_continued_from_its_state(
     assert fidelity is Fidelity.BIT_EQUAL
     assert fork.outcome.placing is Placing.STATE
     assert fork.outcome.at_s == 1.5
+    assert live.unchanged(2.9)[1] is Fidelity.BIT_EQUAL
+    assert live.unchanged(3.0)[1] is Fidelity.NOT_COMPARED
     (lacking,) = live.recorded.outcome.lacks
     assert "/sim/timeline is missing" in lacking
 

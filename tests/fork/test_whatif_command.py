@@ -12,10 +12,10 @@ from click.testing import CliRunner, Result
 from adapters.recording import RunFile, RunReader, decode
 from executive.core.recording import CoreCalled
 from sim.fork import __main__
+from sim.fork.answer import answer_lines
+from sim.fork.changed import read_change
 from sim.fork.commands import whatif
 from sim.fork.model import Change, Fidelity, WhatIf
-from sim.fork.question import read_change
-from sim.fork.text import answer_lines
 
 
 def run(*arguments: object) -> Result:
@@ -42,6 +42,13 @@ def test_seeds_need_a_change(stuck: Path) -> None:
     done = run(stuck, "--at", 2, "--seeds", 3)
     assert done.exit_code == 2
     assert "--seeds draws other noise for a change: give one" in done.output
+
+
+def test_a_fork_at_the_end_of_a_recording_is_not_compared(answer: WhatIf) -> None:
+    """Only the replay is the same there: nothing was simulated that the recording has."""
+    at_the_end = replace(answer, fidelity=Fidelity.NOT_COMPARED)
+    first, *_ = answer_lines(at_the_end, Change())
+    assert first == "without a change: not compared, the fork begins at the end of the recording"
 
 
 def test_seeds_are_counted(answer: WhatIf) -> None:

@@ -24,7 +24,10 @@ from executive.core.recording import (
     TimelineStarted,
     Truth,
 )
+from executive.settings import load_settings
+from sim.rover import World
 from sim.rover.faults import EncoderScale, declared_faults
+from sim.rover.lockstep import LockStep
 from sim.rover.simulation import Simulation, fault_changed, fault_of
 from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import RunMode, Scenario
@@ -75,6 +78,20 @@ def recording(scenario: Scenario, tmp_path_factory: pytest.TempPathFactory) -> P
 def items(recording: Path) -> list[Item]:
     reader = RunReader(recording)
     return [reader.decoded(message) for message in reader.messages()]
+
+
+def test_an_emergency_stop_before_the_first_tick_is_replayed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stopped: list[NullRover] = []
+    monkeypatch.setattr(NullRover, "emergency_stop", lambda rover: stopped.append(rover))
+    path = tmp_path / "run.mcap"
+    with closing(RunFile(path)) as tape:
+        lock = LockStep(load_settings("jackal"), World(), tmp_path, tape=tape)
+        lock.executive.emergency_stop()
+        lock.run(0.2)
+    assert replay(path).difference is None
+    assert len(stopped) == 1
 
 
 def test_the_simulation_can_be_built_again(scenario: Scenario, items: list[Item]) -> None:

@@ -61,7 +61,7 @@ def test_active_nodes_are_shown_with_their_messages(bench: Bench) -> None:
     bench.run(0.5)
     assert {"rover", "work", "motion", "leg", "drive", "camera", "capture"} <= running(bench)
     drive = snapshot(bench)["rover/work/side by side/motion/go/leg/drive"]
-    assert "m left" in drive.message
+    assert "m remaining" in drive.message
 
 
 def test_an_unticked_node_is_idle_though_it_ran_the_tick_before(bench: Bench) -> None:

@@ -178,7 +178,6 @@ class ReplayedCore:
         entry = recorded.entry
         if isinstance(entry, CoreCalled) and entry.call is CoreCall.START:
             self.executive = self._start()
-            return
         executive = self.executive
         if executive is None:
             raise RecordingError(f"{topic_of(entry).name} precedes /in/start")
@@ -189,6 +188,8 @@ class ReplayedCore:
                 executive.observe(fact)
             case EventReported() | SafeModeEntered():
                 notice(executive, entry)
+            case CoreCalled(call=CoreCall.START):
+                pass
             case CoreCalled(call=CoreCall.SERVE):
                 executive.serve_inbox()
             case CoreCalled(call=CoreCall.TICK):

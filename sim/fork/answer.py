@@ -1,17 +1,27 @@
-"""The answer to a what-if question as lines of text."""
+"""The answer to a what-if question as lines of text, and as plots side by side."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from io import BytesIO
 from itertools import chain
 from math import degrees
+from pathlib import Path
+from textwrap import shorten
+from typing import Final
+
+from PIL import Image
 
 from executive.commands import declaration_of
 from executive.values.geometry import Pose
+from sim.drawing import as_png, draw_run, plot_of
 from sim.fork.model import Change, CommandOutcome, Fidelity, FirstDifference, ForkOutcome, WhatIf
+
+MAX_TITLE_LENGTH: Final = 80
 
 
 def answer_lines(answer: WhatIf, changes: Change) -> Iterator[str]:
     """Yield the answer to a question, with its change."""
-    change = ", ".join(_changes(changes))
+    change = change_text(changes)
     recorded, unchanged = answer.recorded, answer.unchanged
     yield from recorded.lacks
     if answer.fidelity is Fidelity.DIFFERENT:
@@ -19,9 +29,11 @@ def answer_lines(answer: WhatIf, changes: Change) -> Iterator[str]:
         yield from _difference(unchanged.first_difference)
         yield from _commands(recorded, [unchanged], "without a change")
         return
-    apart = f"the same outcomes{_apart(recorded.pose, unchanged.pose)}"
-    exactly = "bit-equal" if answer.fidelity is Fidelity.BIT_EQUAL else apart
-    yield f"without a change: as recorded ({exactly})"
+    if answer.fidelity is Fidelity.NOT_COMPARED:
+        yield "without a change: not compared, the fork begins at the end of the recording"
+    else:
+        off = "" if answer.fidelity is Fidelity.BIT_EQUAL else _apart(recorded.pose, unchanged.pose)
+        yield f"without a change: as recorded ({answer.fidelity.value}{off})"
     if not answer.forks:
         return
     differences = [each.first_difference for each in answer.forks if each.first_difference]
@@ -34,6 +46,30 @@ def answer_lines(answer: WhatIf, changes: Change) -> Iterator[str]:
     for name, run in (("recorded", unchanged), (change, answer.forks[0])):
         contacts = "" if run.contacts is None else f", {run.contacts} contacts"
         yield f"end {name}: {_pose(run.pose)} after {run.end_s:.1f} s{contacts}"
+
+
+def change_text(change: Change) -> str:
+    """Return a change as text."""
+    return ", ".join(_changes(change))
+
+
+def write_plots(recording: Path, forked: Path, change: Change, path: Path) -> None:
+    """Write the plots of a recording and of its fork side by side, as PNG.
+
+    Raises:
+        RecordingError: a file cannot be used as a recording.
+        OSError: the picture cannot be written.
+    """
+    halves = []
+    for file, name in ((recording, "recorded"), (forked, change_text(change))):
+        plot, title = plot_of(file), shorten(name, MAX_TITLE_LENGTH, placeholder="…")
+        titled = replace(plot, timeline=replace(plot.timeline, title=title))
+        halves.append(Image.open(BytesIO(as_png(draw_run(titled)))))
+    left, right = halves
+    beside = Image.new("RGB", (left.width + right.width, max(left.height, right.height)), "white")
+    beside.paste(left, (0, 0))
+    beside.paste(right, (left.width, 0))
+    beside.save(path)
 
 
 def _changes(change: Change) -> Iterator[str]:
