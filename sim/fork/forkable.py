@@ -96,31 +96,29 @@ class Forkable:
             self.timeline, self._played_s = self._sent()
         except ValueError as error:
             raise RecordingError(f"{path}: {error}") from error
-        sendings = [
-            SentCommand(str(each), each, 0.0, Answer.ACCEPTED)
-            for each in identities(self.timeline).values()
-        ]
+        self._lacks = (*missing_for_fork(log.kinds | {SimulationState}), *cut)
+        self.recorded = self._run(log, self.timeline)
+
+    def _run(self, log: RunLog, timeline: Sequence[Entry]) -> ForkRun:
+        """Return the run of a log with the commands of a timeline."""
+        sent = identities(timeline).values()
         record = Record(
             log.utc_s,
-            path,
+            self._path,
             reports=log.reports,
-            poses=log.truths or log.odometry,
+            poses=log.poses,
             requested=[AdmittedRequest(*each) for each in log.requests.items()],
-            sendings=sendings,
+            sendings=[SentCommand(str(each), each, 0.0, Answer.ACCEPTED) for each in sent],
             simulated_s=log.now_s,
         )
         outcome = ForkOutcome(
-            at_s=None,
-            placing=None,
-            seed=None,
             end_s=log.now_s,
             commands=log.outcomes(),
             pose=log.pose_at(log.now_s),
-            contacts=None,
             track=log.track(),
-            lacks=(*missing_for_fork(log.kinds | {SimulationState}), *cut),
+            lacks=self._lacks,
         )
-        self.recorded = ForkRun(outcome, record, tuple(log.odometry))
+        return ForkRun(outcome, record, tuple(log.odometry))
 
     def fork(
         self,
@@ -176,25 +174,23 @@ class Forkable:
             try:
                 if self._simulation and played:
                     record = run_in_lock_step(scenario, folder, sink, start_utc_s=utc_s, run=run)
+                    contacts = record.contacts
                 else:
                     args = scenario, change, at_s, folder, sink, run
-                    record, placing, at_s = self._continue(*args)
+                    contacts, placing, at_s = self._continue(*args)
             except LedgerError as error:
                 raise RecordingError(f"{self._path}: {error}") from error
-        difference = first_difference(self._log, log)
-        outcome = ForkOutcome(
+        difference, made = first_difference(self._log, log), self._run(log, scenario.timeline)
+        made.record.contacts = contacts
+        outcome = replace(
+            made.outcome,
             at_s=difference.time_s if difference and at_s is None else at_s,
             placing=placing,
             seed=scenario.seed if seed is None else seed,
-            end_s=log.now_s,
-            commands=log.outcomes(),
-            pose=log.pose_at(log.now_s),
-            contacts=record.contacts,
-            track=log.track(),
+            contacts=contacts,
             first_difference=difference,
-            lacks=self.recorded.outcome.lacks,
         )
-        return ForkRun(outcome, record, tuple(log.odometry)), log
+        return replace(made, outcome=outcome), log
 
     def unchanged(
         self, at_s: float | None = None, assumed: Change | None = None
@@ -227,8 +223,8 @@ class Forkable:
         folder: Path,
         sink: RecordingSink,
         run: "Callable[[Scenario, LockStep, Record], _ForkedRun]",
-    ) -> tuple[Record, Placing, float]:
-        """Replay up to the seam and continue; return record, placing and time of the seam."""
+    ) -> tuple[int, Placing, float]:
+        """Replay up to the seam and continue; return contacts, placing and time of the seam."""
         if self.settings.locomotion is not LocomotionKind.VELOCITY:
             raise SettingsError("a rover of whole motions is forked only with its scenario")
         world, settings = self._simulation and self._simulation.world, scenario.settings
@@ -244,17 +240,13 @@ class Forkable:
         except ValueError as error:
             raise SettingsError(f"the rover cannot be simulated from there: {error}") from error
         began_s, core_s = lock.time_s, self._log.core_s or 0.0
-        poses = [each for each in self.recorded.record.poses if each.time_s < began_s]
-        requested = [*self.recorded.record.requested]
-        record = Record(self._log.utc_s, folder, poses=poses, requested=requested)
         played = {i: s for i, s in self._played_s.items() if s <= began_s + ALMOST_S}
-        forked = run(scenario, lock, record)
+        forked = run(scenario, lock, Record(self._log.utc_s, folder))
         for index, time_s in played.items():
             sink.put(TimelinePlayed(time_s + core_s, index))
         forked.continue_behind(played, self._log.contacts_s)
-        record.contacts, record.simulated_s = lock.rover.contacts, lock.time_s
         lock.executive.simulate_crash()
-        return record, lock.placing, began_s
+        return lock.rover.contacts, lock.placing, began_s
 
     def _latest_s(self, timeline: Sequence[Entry], change: Change, at_s: float | None) -> float:
         """Return the latest time of the seam: before each entry that is changed or added."""

@@ -169,13 +169,13 @@ class ForkOutcome:
         lacks: items that are missing for an exact fork, a line each.
     """
 
-    at_s: float | None
-    placing: Placing | None
-    seed: int | None
+    at_s: float | None = None
+    placing: Placing | None = None
+    seed: int | None = None
     end_s: float
     commands: tuple[CommandOutcome, ...]
     pose: Pose | None
-    contacts: int | None
+    contacts: int | None = None
     track: tuple[TrackPoint, ...] = ()
     first_difference: FirstDifference | None = None
     lacks: tuple[str, ...] = ()

@@ -4,6 +4,7 @@ from bisect import bisect_right
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from math import inf
 from typing import Final
 
 from adapters.recording import RunReader
@@ -39,7 +40,7 @@ from executive.values.geometry import Pose
 from executive.values.reports import Identity, Report
 from sim.fork.model import CommandOutcome, FirstDifference, TrackPoint
 from sim.scenario.model import Crash, Send
-from sim.scenario.record import TruePose
+from sim.scenario.record import ALMOST_S, TruePose
 
 Step = ProcessStart | RecordedEntry | SimulationItem
 """Item of a recording: a start, an entry with all of its items, or an item of the simulation."""
@@ -148,6 +149,12 @@ class RunLog:
             replace=command.preemption is PreemptionPolicy.REPLACE,
         )
 
+    @property
+    def poses(self) -> list[TruePose]:
+        """True poses; before the first one those of the odometry."""
+        first_s = self.truths[0].time_s - ALMOST_S if self.truths else inf
+        return [*(each for each in self.odometry if each.time_s < first_s), *self.truths]
+
     def track(self) -> tuple[TrackPoint, ...]:
         """Return the positions of the odometry, one for each `TRACK_TICKS`."""
         points = ((each.time_s, each.pose) for each in self.odometry[::TRACK_TICKS])
@@ -182,7 +189,7 @@ class RunLog:
 
     def pose_at(self, time_s: float) -> Pose | None:
         """Return the true pose at a time, or that of the odometry if none is true."""
-        poses = self.truths or self.odometry
+        poses = self.poses
         index = bisect_right(poses, time_s + 1e-6, key=lambda each: each.time_s)
         return poses[index - 1].pose if index else None
 

@@ -14,6 +14,7 @@ from executive.core.recording import (
     Entry,
     FactObserved,
     ProcessStart,
+    SimulatedFaultChanged,
     SimulationItem,
     SimulationStarted,
     SimulationState,
@@ -101,7 +102,7 @@ def test_the_recording_of_a_fork_replays_and_is_forked_again(answer: WhatIf) -> 
     assert again.outcome.commands == answer.forks[0].commands
 
 
-def test_commands_are_added_dropped_and_replaced(run: Forkable) -> None:
+def test_commands_are_added_dropped_and_replaced(run: Forkable, tmp_path: Path) -> None:
     first = Identity("MOE", 1)
     ahead = AddedCommand(MoveForward(0.5), at_s=1.5, preemption=PreemptionPolicy.REPLACE)
     added = stages(run.fork(Change(added=(ahead,))).outcome)
@@ -110,9 +111,11 @@ def test_commands_are_added_dropped_and_replaced(run: Forkable) -> None:
     short = ReplacedCommand(first, MoveForward(0.2))
     assert stages(run.fork(Change(replaced=(short,))).outcome)["MOE:1"] == "EXECUTED"
     dropped = Change(dropped=(first,), faults=(AddedFault(LeftWheelsStuck(), 1.2, 1.6),))
-    fork = run.fork(dropped)
+    fork = run.fork(dropped, out=tmp_path / "fork.mcap")
     assert stages(fork.outcome) == {"MOE:2": "EXECUTED"}
-    assert [each.begins for each in fork.record.faults] == [True, False, True]
+    reader = RunReader(tmp_path / "fork.mcap")
+    faults = map(reader.decoded, reader.messages({SimulatedFaultChanged}))
+    assert [each.injected for each in faults] == [True, False, True]
 
 
 def test_other_seeds_change_the_noise_behind_the_fork(run: Forkable) -> None:
