@@ -49,7 +49,7 @@ class _ForkedClock(ManualClock):
 
 
 class ContinuedLockStep(LockStep):
-    """Lock step from the moment on at which a fork leaves the recording.
+    """Lock step after a fork has left its recording.
 
     Args:
         steps: items of the recording in their order.

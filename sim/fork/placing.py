@@ -8,10 +8,11 @@ of the recording in stamp, pose and constant errors.
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from functools import partial
-from math import floor, inf
+from math import cos, floor, inf, sin
 from typing import Any, Final
+
+import numpy as np
 
 from executive.core.recording import (
     CargoChanged,
@@ -45,14 +46,17 @@ from sim.fork.seam import RecordedMotion, shifted
 from sim.rover import faults
 from sim.rover.body import PERIOD_S, SOON_S
 from sim.rover.faults import SimulatedFault
+from sim.rover.instruments import InertialUnit
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.lockstep import STEP_S
+from sim.rover.sensors import VisualOdometry
 from sim.rover.simulation import Simulation, fault_of
 
 _VALID_S: Final = 0.25
 """Timeout of a velocity in the base."""
+_WHEEL_RATES: Final = slice(6, 10)
 _LASTING: Final = ("set_cargo_mass", "lock", "point_camera")
-"""Commands whose last one still holds at the fork."""
+"""Commands that hold until the next one of their kind."""
 _OVER: Final = (
     faults.OdometryJump,
     faults.SecondOdometryJump,
@@ -224,17 +228,48 @@ class PlacedRover(SimulatedJackal):
             each()
         for fault in self._injected.values():
             if isinstance(fault, _OVER):
-                self.mark(fault)
+                self._faults[type(fault)] = fault
             elif faults.unsupported_reason(type(fault), self.parts) is None:
                 self.inject(fault)
         commanded = STANDING
         if time_s - self._driven_s < _VALID_S:
             super().drive(self._driven)
             commanded = STANDING if faults.CmdVelLost in self._injected else self._driven
+        self._continue(time_s, commanded)
+
+    def _continue(self, time_s: float, commanded: Velocity) -> None:
+        """Continue the recorded motion and measurements; the base follows a velocity."""
+        motion = self._motion
+        pose, velocity = motion.at(time_s)
+        is_same = self._same_ground and bool(motion.truths)
+        self._disturbance.put(pose, None if is_same else 0.0)
+        direction = np.array((cos(pose.heading_rad), sin(pose.heading_rad)))
+        self._qvel[:2] = velocity.travel_mps * direction
+        self._qvel[5] = velocity.rotate_radps
+        if motion.camera is not None:
+            self._qpos[self._head] = motion.camera.pan_rad, motion.camera.tilt_rad
+            self._stuck_head = motion.camera if self._stuck_head else None
+        self._battery.set_charge(motion.charge_ratio)
+        self._pose, self._wheels_rad = pose, self._qpos[self._wheels].tolist()
+        self._base.command(commanded, self.time_s)
+        self._base.follow(commanded)
+        speeds = self._unstuck(*self._base.wheels_radps(self.time_s, 0.0))
+        self._qvel[_WHEEL_RATES] = 2 * speeds
+        self._servos.set_now(*self._head_rad(*self._qpos[self._head].tolist()))
         late = self.fault(faults.OdometryLate)
-        at = self._motion.placement(time_s, 0.0 if late is None else late.by_s)
-        exact = self._same_ground and bool(self._motion.truths)
-        self.continue_from(replace(at, commanded=commanded, exact=exact))
+        self._published, self._in_transit = motion.published, deque()
+        for each in motion.measured(time_s, 0.0 if late is None else late.by_s):
+            self._in_transit.append((each.stamp_s, each))
+            self.odometry.pose = each.pose
+        for instrument in self._suite.instruments:
+            instrument.settle()
+            if isinstance(instrument, VisualOdometry) and motion.second is not None:
+                own = motion.second_pose(motion.second, pose)
+                instrument.continue_from(motion.second, own)
+            elif isinstance(instrument, InertialUnit) and motion.inertial_errors:
+                instrument.set_errors(motion.inertial_errors)
+        self._due.clear()
+        self._actuate()
 
     def _do(self, act: Callable[..., object], *arguments: Any) -> None:
         """Carry out a command; before `start` store it."""

@@ -1,7 +1,7 @@
 """`RecordedMotion`: how a recorded rover moved and measured, for a simulation that continues it."""
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -19,7 +19,6 @@ from executive.values.facts import (
 )
 from executive.values.geometry import STANDING, Pose, Velocity, step_between, up_of, wrap_rad
 from sim.rover.body import PERIOD_S
-from sim.rover.placement import Placement
 
 _STORED: Final = 256
 """Number of poses: five seconds of an odometry of 50 Hz."""
@@ -45,16 +44,18 @@ class RecordedMotion:
         truths: times and true poses; empty for a real rover.
         ahead_s: difference of the clock of stamps, which is that of a live simulation, and the
             core's; 0 if it is the same.
+        published, second, camera: the last facts.
+        charge_ratio: charge of the battery.
     """
 
     def __init__(self, charge_ratio: float) -> None:
         self.truths: deque[tuple[float, Pose]] = deque(maxlen=_STORED)
         self.ahead_s = 0.0
         self._poses: deque[tuple[float, Pose]] = deque(maxlen=_STORED)
-        self._published: Odometry | None = None
-        self._second: SecondOdometry | None = None
-        self._camera: CameraAngles | None = None
-        self._charge_ratio = charge_ratio
+        self.published: Odometry | None = None
+        self.second: SecondOdometry | None = None
+        self.camera: CameraAngles | None = None
+        self.charge_ratio = charge_ratio
         self._moved_s = 0.0
         self._errors: deque[list[float]] = deque(maxlen=_MEASURED)
 
@@ -67,17 +68,17 @@ class RecordedMotion:
                 ahead_s = fact.stamp_s - now_s + PERIOD_S
                 if abs(ahead_s) > _OTHER_CLOCK_S:
                     self.ahead_s = max(ahead_s, self.ahead_s or ahead_s)
-                self._published = fact = replace(fact, stamp_s=fact.stamp_s - self.ahead_s)
+                self.published = fact = replace(fact, stamp_s=fact.stamp_s - self.ahead_s)
                 if is_measured and (not self._poses or fact.stamp_s > self._poses[-1][0]):
                     self._poses.append((fact.stamp_s, fact.pose))
             case SecondOdometry():
-                self._second = replace(fact, stamp_s=fact.stamp_s - self.ahead_s)
+                self.second = replace(fact, stamp_s=fact.stamp_s - self.ahead_s)
             case CameraAngles():
-                self._camera = fact
+                self.camera = fact
             case Battery(charge_ratio=ratio) if ratio is not None:
-                self._charge_ratio = ratio
-            case Imu() if now_s - self._moved_s > _STANDSTILL_S and self._published is not None:
-                lean = self._published.pose
+                self.charge_ratio = ratio
+            case Imu() if now_s - self._moved_s > _STANDSTILL_S and self.published is not None:
+                lean = self.published.pose
                 up = up_of(lean.roll_rad, lean.pitch_rad)
                 felt = (a - _GRAVITY_MPS2 * b for a, b in zip(fact.acceleration, up, strict=True))
                 leans = fact.roll_rad - lean.roll_rad, fact.pitch_rad - lean.pitch_rad
@@ -85,48 +86,42 @@ class RecordedMotion:
             case _:
                 pass
 
-    def placement(self, time_s: float, late_s: float) -> Placement:
-        """Return the state at a time shortly after the last fact.
+    def at(self, time_s: float) -> tuple[Pose, Velocity]:
+        """Return pose and velocity at a time shortly after the last fact, on the core's clock."""
+        pose, before = self._pose_at(time_s), self._pose_at(time_s - 2 * PERIOD_S)
+        ahead_m, _, turn_rad = step_between(before, pose)
+        return pose, Velocity(ahead_m / (2 * PERIOD_S), turn_rad / (2 * PERIOD_S))
+
+    def second_pose(self, second: SecondOdometry, pose: Pose) -> Pose:
+        """Return the pose of the second odometry, in its frame, for a pose."""
+        return _moved(second.pose, self._pose_at(second.stamp_s), pose)
+
+    @property
+    def inertial_errors(self) -> list[float]:
+        """Constant errors of accelerometer, gyro, roll and pitch; empty if they are unknown."""
+        if len(self._errors) < _ENOUGH:
+            return []
+        errors: list[float] = np.nan_to_num(np.mean(self._errors, 0)).tolist()
+        return errors
+
+    def _pose_at(self, time_s: float) -> Pose:
+        return _pose_at(self.truths or self._poses, time_s)
+
+    def measured(self, time_s: float, late_s: float) -> Iterator[Odometry]:
+        """Yield the odometry that is measured until a time, but not published.
 
         Args:
             time_s: time on the core's clock.
             late_s: latency of the odometry, more than its usual one.
         """
-        track = self.truths or self._poses
-        pose, before = _pose_at(track, time_s), _pose_at(track, time_s - 2 * PERIOD_S)
-        ahead_m, _, turn_rad = step_between(before, pose)
-        velocity = Velocity(ahead_m / (2 * PERIOD_S), turn_rad / (2 * PERIOD_S))
-        second, published = self._second, self._published
-        errors = None
-        if len(self._errors) >= _ENOUGH:
-            errors = tuple(np.nan_to_num(np.mean(self._errors, 0)).tolist())
-        return Placement(
-            pose=pose,
-            exact=False,
-            velocity=velocity,
-            published=published,
-            measured=self._measured(track, time_s, late_s, velocity),
-            second=None
-            if second is None
-            else (second, _moved(second.pose, _pose_at(track, second.stamp_s), pose)),
-            camera=self._camera,
-            charge_ratio=self._charge_ratio,
-            inertial_errors=errors,
-        )
-
-    def _measured(
-        self, track: Track, time_s: float, late_s: float, velocity: Velocity
-    ) -> tuple[Odometry, ...]:
-        """Return the odometry that is measured until then, but not published."""
-        last_s, last = self._poses[-1] if self._poses else (time_s, _pose_at(track, time_s))
-        published_s = -1.0 if self._published is None else self._published.stamp_s
-        found: list[Odometry] = []
+        _, velocity = self.at(time_s)
+        last_s, last = self._poses[-1] if self._poses else (time_s, self._pose_at(time_s))
+        published_s = -1.0 if self.published is None else self.published.stamp_s
         for periods in range(round(late_s / PERIOD_S), -1, -1):
             stamp_s = time_s - periods * PERIOD_S
-            pose = _moved(last, _pose_at(track, last_s), _pose_at(track, stamp_s))
+            pose = _moved(last, self._pose_at(last_s), self._pose_at(stamp_s))
             if stamp_s > published_s + PERIOD_S / 2 or not periods:
-                found.append(Odometry(max(stamp_s, published_s + 1e-3), pose, velocity))
-        return tuple(found)
+                yield Odometry(max(stamp_s, published_s + 1e-3), pose, velocity)
 
 
 def shifted(fact: Fact, by_s: float) -> Fact:

@@ -21,7 +21,6 @@ from sim.rover.camera import Camera, PictureSettings
 from sim.rover.disturbance import Disturbance
 from sim.rover.faults import Part, SimulatedFault
 from sim.rover.model import Chassis, build_model
-from sim.rover.placement import Placement
 from sim.rover.world import World
 
 F = TypeVar("F", bound=SimulatedFault)
@@ -332,10 +331,6 @@ class SimulatedBody(Checkpointed, ABC):
             case _:
                 self._disturb()
 
-    def mark(self, fault: SimulatedFault) -> None:
-        """Add a fault without its effect at the begin, such as a push that is over."""
-        self._faults[type(fault)] = fault
-
     def clear(self, kind: type[SimulatedFault]) -> None:
         """Clear a fault, if it is active."""
         if self._faults.pop(kind, None) is None:
@@ -348,19 +343,6 @@ class SimulatedBody(Checkpointed, ABC):
             self._disturbance.set_upright(self.true_pose)
         else:
             self._disturb()
-
-    def continue_from(self, at: Placement) -> None:
-        """Continue another run; time, cargo, faults and commands are those of it already."""
-        self._disturbance.put(at.pose, None if at.exact else 0.0)
-        heading_rad, velocity = at.pose.heading_rad, at.velocity
-        self._qvel[:2] = velocity.travel_mps * np.array((cos(heading_rad), sin(heading_rad)))
-        self._qvel[5] = velocity.rotate_radps
-        if at.camera is not None:
-            self._qpos[self._head] = at.camera.pan_rad, at.camera.tilt_rad
-            self._stuck_head = at.camera if self._stuck_head else None
-        if at.charge_ratio is not None:
-            self._battery.set_charge(at.charge_ratio)
-        self._pose, self._wheels_rad = at.pose, self._qpos[self._wheels].tolist()
 
     @property
     def cargo_kg(self) -> float:

@@ -19,7 +19,6 @@ from sim.checkpoint import Checkpointed, changing
 from sim.rover import faults
 from sim.rover.body import STEP_S, SimulatedBody
 from sim.rover.faults import SimulatedFault
-from sim.rover.placement import Placement
 
 Vector = tuple[float, float, float]
 
@@ -58,8 +57,8 @@ class Instrument(Checkpointed, ABC):
     def measure(self, stamp_s: float) -> Fact | None:
         """Return the present measurement; None if there is none."""
 
-    def continue_from(self, at: Placement) -> None:
-        """Continue another run, at the present state of physics."""
+    def settle(self) -> None:
+        """Begin at the present state of physics, with faults that began before."""
         self.begins()
 
     def begins(self) -> SimulatedFault | None:
@@ -158,12 +157,10 @@ class InertialUnit(Instrument):
         self._before, self._before_mps = self._attitude.tolist(), self._linear.tolist()
         self._shoves_mps2: list[float] = []
 
-    def continue_from(self, at: Placement) -> None:
-        """Continue another run with its constant errors: new ones would resemble a fault."""
-        super().continue_from(at)
+    def settle(self) -> None:
+        """Begin at the present attitude and velocity."""
+        super().settle()
         self._before, self._before_mps = self._attitude.tolist(), self._linear.tolist()
-        if at.inertial_errors is not None:
-            self.set_errors(at.inertial_errors)
 
     def set_errors(self, errors: Sequence[float]) -> None:
         """Set the errors that are constant: three of accelerometer and gyro, two of the lean."""
@@ -281,9 +278,9 @@ class WheelSensors(Instrument):
         self._angles, self._efforts = rover.data.qpos[_WHEELS], rover.data.actuator_force[:4]
         self._before = self._angles.tolist()
 
-    def continue_from(self, at: Placement) -> None:
-        """Continue another run, at the present angles."""
-        super().continue_from(at)
+    def settle(self) -> None:
+        """Begin at the present angles."""
+        super().settle()
         self._before = self._angles.tolist()
 
     def measure(self, stamp_s: float) -> Joints | None:

@@ -40,7 +40,6 @@ from sim.rover.camera import PictureSettings
 from sim.rover.faults import SimulatedFault, jackal_fault_targets
 from sim.rover.instruments import NormalRows
 from sim.rover.model import JACKAL
-from sim.rover.placement import Placement
 from sim.rover.sensors import SensorSuite
 from sim.rover.world import World
 
@@ -196,7 +195,6 @@ class WheelOdometry(Checkpointed):
 FOREIGN_INPUT: Final = "another"
 FOREIGN_INPUT_TIMEOUT_S: Final = 0.5
 """Timeout of an input that the executive does not know."""
-_WHEEL_RATES: Final = slice(6, 10)
 _ANGLES_EVERY = 5
 _BATTERY_EVERY = 50
 _STALL_EVERY_S = 4.0
@@ -336,22 +334,6 @@ class SimulatedJackal(SimulatedBody):
             (due_s + duration_s, replace(each, stamp_s=each.stamp_s + duration_s))
             for due_s, each in self._in_transit
         )
-
-    def continue_from(self, at: Placement) -> None:
-        """Continue another run; time, cargo, faults and commands are those of it already."""
-        super().continue_from(at)
-        self._base.command(at.commanded, self.time_s)
-        self._base.follow(at.commanded)
-        speeds = self._unstuck(*self._base.wheels_radps(self.time_s, 0.0))
-        self._qvel[_WHEEL_RATES] = 2 * speeds
-        self._servos.set_now(*self._head_rad(*self._qpos[self._head].tolist()))
-        self._published, self._in_transit = at.published, deque()
-        for each in at.measured:
-            self._in_transit.append((each.stamp_s, each))
-            self.odometry.pose = each.pose
-        self._suite.continue_from(at)
-        self._due.clear()
-        self._actuate()
 
     def inject(self, fault: SimulatedFault) -> None:
         """Inject a fault."""

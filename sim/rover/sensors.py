@@ -19,7 +19,6 @@ from sim.checkpoint import Checkpointed, changing
 from sim.rover import faults
 from sim.rover.body import SOON_S, STEP_S, STEPS_PER_PERIOD, SimulatedBody, offset_left
 from sim.rover.instruments import InertialUnit, Instrument, WheelSensors
-from sim.rover.placement import Placement
 
 _SCALE: Final = (0.01, 0.02)
 """Bounds of the relative scale error in a run, of either sign."""
@@ -69,13 +68,15 @@ class VisualOdometry(Instrument):
         self._gap_until_s = self._gap_from_s + random.uniform(*_GAP_S)
         self._last: SecondOdometry | None = None
 
-    def continue_from(self, at: Placement) -> None:
-        """Continue in the frame of its own that the other run had."""
-        super().continue_from(at)
-        self._true = at.pose
-        if at.second is not None:
-            self._last, self._pose = at.second
-            self._distance_m = self._last.position_sd_m / (sum(_SCALE) / 2)
+    def settle(self) -> None:
+        """Begin at the present true pose."""
+        super().settle()
+        self._true = self._rover.true_pose
+
+    def continue_from(self, last: SecondOdometry, pose: Pose) -> None:
+        """Continue from the last frame, and from the pose in its frame at this time."""
+        self._last, self._pose = last, pose
+        self._distance_m = last.position_sd_m / (sum(_SCALE) / 2)
 
     def measure(self, stamp_s: float) -> SecondOdometry | None:
         """Return the pose of a frame taken now; None without a result."""
@@ -219,33 +220,29 @@ class SensorSuite(Checkpointed):
     Each instrument has separate random numbers.
 
     Attributes:
+        instruments: its instruments.
         every: steps of physics between two calls of `read`, a part of a period.
     """
 
     CHANGES = changing(
-        _instruments=Checkpointed, _due_s=list[float], _delayed=list[tuple[float, Fact]]
+        instruments=Checkpointed, _due_s=list[float], _delayed=list[tuple[float, Fact]]
     )
 
     def __init__(self, sensors: Sensors, seed: int, rover: SimulatedBody) -> None:
-        self._instruments = tuple(
+        self.instruments = tuple(
             _KINDS[each](rover, getattr(sensors, each.value).rate_hz, default_rng([seed, number]))
             for number, each in enumerate(Sensor, 1)
             if each in sensors.present
         )
-        self._due_s = [0.0] * len(self._instruments)
+        self._due_s = [0.0] * len(self.instruments)
         self._delayed: list[tuple[float, Fact]] = []
-        self.every = gcd(STEPS_PER_PERIOD, *(each.every for each in self._instruments))
-
-    def continue_from(self, at: Placement) -> None:
-        """Continue the measurements of another run."""
-        for each in self._instruments:
-            each.continue_from(at)
+        self.every = gcd(STEPS_PER_PERIOD, *(each.every for each in self.instruments))
 
     def read(self, steps: int) -> list[Fact]:
         """Return the facts published at a step of physics."""
         time_s = steps * STEP_S
         published = self._arrived(time_s)
-        for number, instrument in enumerate(self._instruments):
+        for number, instrument in enumerate(self.instruments):
             if steps % instrument.every:
                 continue
             fact = instrument.measure(time_s)
