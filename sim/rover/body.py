@@ -194,7 +194,7 @@ class SimulatedBody(Checkpointed, ABC):
         _frame_wanted=bool,
         _active=tuple[faults.AnyFault, ...],
         _disturbance=Checkpointed,
-        _stale_view=tuple[float, list[float]] | None,
+        _stale=tuple[float, list[float]] | None,
         _stuck_head=CameraAngles | None,
         _touching=bool,
         contacts=int,
@@ -231,7 +231,8 @@ class SimulatedBody(Checkpointed, ABC):
         self._camera = Camera(self.model, picture or PictureSettings())
         self._frame_wanted = False
         self._faults: dict[type[SimulatedFault], SimulatedFault] = {}
-        self._stale: CameraView | None = None
+        self._stale: tuple[float, list[float]] | None = None
+        """Time and joint positions of the stale view."""
         self._stuck_head: CameraAngles | None = None
         self._obstacles = _obstacles(self.model)
         self._touching = False
@@ -289,7 +290,12 @@ class SimulatedBody(Checkpointed, ABC):
         """State that the camera renders under its faults; None if it is dead."""
         if faults.CameraDead in self._faults:
             return None
-        view = self._stale or CameraView(self.data, self.time_s)
+        view = CameraView(self.data, self.time_s)
+        if self._stale is not None:
+            data = mujoco.MjData(self.model)
+            time_s, data.qpos[:] = self._stale
+            mujoco.mj_forward(self.model, data)
+            view = CameraView(data, time_s)
         return replace(view, octets=CUT_OCTETS) if faults.CameraTruncated in self._faults else view
 
     def set_cargo_mass(self, mass_kg: float) -> None:
@@ -319,7 +325,7 @@ class SimulatedBody(Checkpointed, ABC):
         self._faults[type(fault)] = fault
         match fault:
             case faults.CameraStale():
-                self._stale_view = self.time_s, self._qpos.tolist()
+                self._stale = self.time_s, self._qpos.tolist()
             case faults.BatteryDrained(charge):
                 self._battery.drain(charge)
             case faults.HeadStuck():
@@ -377,19 +383,6 @@ class SimulatedBody(Checkpointed, ABC):
     def _active(self, active: tuple[SimulatedFault, ...]) -> None:
         self._faults = {type(each): each for each in active}
         self._disturb()
-
-    @property
-    def _stale_view(self) -> tuple[float, list[float]] | None:
-        """Time and joint positions of the stale view."""
-        return None if self._stale is None else (self._stale.time_s, self._stale.data.qpos.tolist())
-
-    @_stale_view.setter
-    def _stale_view(self, seen: tuple[float, list[float]] | None) -> None:
-        if seen is not None:
-            data = mujoco.MjData(self.model)
-            data.qpos[:] = seen[1]
-            mujoco.mj_forward(self.model, data)
-            self._stale = CameraView(data, seen[0])
 
     @property
     def time_s(self) -> float:

@@ -154,7 +154,6 @@ def _declared(part: Any) -> set[str]:
 
 BEHIND = {
     "SimulatedJackal._faults": "SimulatedJackal._active",
-    "SimulatedJackal._stale": "SimulatedJackal._stale_view",
     "Disturbance._grip_ratio": "SimulatedJackal._active",
     "InertialUnit._known": "InertialUnit.begun",
     "VisualOdometry._known": "VisualOdometry.begun",
