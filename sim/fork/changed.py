@@ -1,9 +1,9 @@
 """Reads a `Change` from texts, and applies it to the settings and the timeline of a recording."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from adapters.mrs.cli.command_text import read_command_text
 from executive.commands import DIRECT_LINK, FollowPath, MoveTo, PreemptionPolicy, Request
@@ -17,13 +17,12 @@ from executive.settings import (
     named_file,
     parse_yaml,
     settings_reader,
-    suggestion,
 )
 from executive.values.reports import Identity
 from sim.fork.model import AddedCommand, Change
 from sim.rover import World, load_world
 from sim.rover.faults import fault_declaration
-from sim.scenario.changes import Override
+from sim.scenario.changes import Override, replaced
 from sim.scenario.model import Clear, Entry, Fix, Inject, Send
 
 NEVER_S: Final = 1e9
@@ -97,32 +96,17 @@ def changed_settings(settings: Settings, change: Change) -> Settings:
 
 
 def _with(settings: Settings, change: Override) -> Settings:
-    """Return settings with a key, spelled with or without the unit of its field, replaced."""
-    path, value = change.key.split("."), parse_yaml(change.value, "the value")
-    for units in (False, True):
-        reader = settings_reader(units=units)
-        plain = reader.plain(settings)
-        if _unknown(plain, path) is None:
-            made: Settings = reader.read(_replaced(plain, path, value), Settings)
+    """Return settings with a key, spelled without or with the unit of its field, replaced."""
+    value, errors = parse_yaml(change.value, "the value"), []
+    for reader in (settings_reader(), settings_reader(units=True)):
+        try:
+            raw = replaced(reader.plain(settings), change.key.split("."), value)
+            made: Settings = reader.read(raw, Settings)
+        except ValueError as error:
+            errors.append(error)
+        else:
             return made
-    raise FormatError("", _unknown(settings_reader().plain(settings), path) or "")
-
-
-def _unknown(plain: Any, path: Sequence[str]) -> str | None:
-    """Return the error of the first component of a path that does not exist; None if all do."""
-    for depth, key in enumerate(path):
-        if not isinstance(plain, dict) or key not in plain:
-            known = plain if isinstance(plain, dict) else {}
-            above = ".".join(path[:depth]) or "the settings"
-            keys = ", ".join(known) or "none"
-            return f"{above} has no key {key!r}{suggestion(key, known)}; its keys are: {keys}"
-        plain = plain[key]
-    return None
-
-
-def _replaced(plain: Mapping[str, Any], path: Sequence[str], value: object) -> dict[str, Any]:
-    key, *rest = path
-    return {**plain, key: _replaced(plain[key], rest, value) if rest else value}
+    raise FormatError("", str(errors[0]))
 
 
 def identities(timeline: Sequence[Entry]) -> dict[int, Identity]:

@@ -105,7 +105,7 @@ def _changed(
             pass
         case _:
             raise ValueError(_unknown_key_text(change.key))
-    made: dict[str, Any] = _replaced(raw, change.key.split("."), value)
+    made: dict[str, Any] = replaced(raw, change.key.split("."), value)
     return made
 
 
@@ -114,7 +114,7 @@ def _unknown_key_text(key: str) -> str:
     return f"no key {key!r} can be changed{near}; a key begins with one of {', '.join(ROOTS)}"
 
 
-def _replaced(raw: Any, path: Sequence[str], value: Any) -> Any:
+def replaced(raw: Any, path: Sequence[str], value: Any) -> Any:
     """Return data with a value set at a path; missing intermediate keys are created."""
     if not path:
         return value
@@ -123,11 +123,11 @@ def _replaced(raw: Any, path: Sequence[str], value: Any) -> Any:
         index = int(first) if first.isdecimal() else -1
         if not 0 <= index < len(raw):
             raise ValueError(f"{first!r} is no index in a list of {len(raw)}, which begins with 0")
-        return [*raw[:index], _replaced(raw[index], rest, value), *raw[index + 1 :]]
+        return [*raw[:index], replaced(raw[index], rest, value), *raw[index + 1 :]]
     if raw is not None and not isinstance(raw, dict):
         raise ValueError(f"the value {quoted(raw)} has no key {first!r}")
     within = raw or {}
-    return {**within, first: _replaced(within.get(first), rest, value)}
+    return {**within, first: replaced(within.get(first), rest, value)}
 
 
 def _with_fault(raw: dict[str, Any], value: object) -> dict[str, Any]:
@@ -183,7 +183,7 @@ def _with_argument(raw: dict[str, Any], key: str, value: object) -> dict[str, An
     path = key.removeprefix(f"{label}.").split(".")
     timeline[index] = {
         **timeline[index],
-        "command": {name: _replaced(arguments, path, value)},
+        "command": {name: replaced(arguments, path, value)},
     }
     return {**raw, "timeline": timeline}
 

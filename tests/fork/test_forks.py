@@ -284,7 +284,10 @@ def test_measured_obstacles_are_the_world_that_a_recording_lacks(tmp_path: Path)
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        (Change(settings=(Override("drive.sped", "1"),)), "drive has no key 'sped'.*travel_speed"),
+        (
+            Change(settings=(Override("drive.sped", "1"),)),
+            "drive: unknown key 'sped'.*travel_speed",
+        ),
         (Change(settings=(Override("drive.travel_speed", "fast"),)), "travel_speed: "),
         (Change(dropped=(Identity("MOE", 9),)), "no command MOE:9 .* MOE:1, MOE:2"),
         (Change(without=("tip",)), "no fault 'tip' .* left_wheels_stuck"),

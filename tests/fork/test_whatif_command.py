@@ -105,7 +105,7 @@ def test_without_reproduction_the_status_is_one(
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        (("--set", "drive.sped=1"), "drive has no key 'sped'"),
+        (("--set", "drive.sped=1"), "drive: unknown key 'sped'"),
         (("--set", "0.6"), "'0.6' is not KEY=VALUE, as drive.travel_speed=0.6"),
         (("--drop", "two"), "'two' is no command id such as MOE:2"),
         (("--without", "tip"), "no fault 'tip'"),
