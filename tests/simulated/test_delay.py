@@ -1,6 +1,7 @@
 """A client and a console over a direct link with light time, in simulated processes."""
 
 import asyncio
+import json
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -288,3 +289,21 @@ def test_a_console_commands_and_stops_over_light_time() -> None:
     assert ends == [["executed"], ["cancelled"], ["executed"]]
     assert archive
     assert not any("UNKNOWN" in history for (history,) in archive)
+
+
+def test_after_a_loss_a_console_stops_one_light_time_after_the_new_connection() -> None:
+    below, journal = RoverBelow(), PageJournal()
+    browser = Browser(ADDRESS.asset, journal)
+    settings = patient_settings(ADDRESS.asset)
+    with delayed_world(LinkConditions(12.0), below, settings) as world:
+        world.process("console", HOST, partial(start_console, 12.0)).begin()
+        world.process("browser", BROWSER_HOST, browser.start).begin()
+        world.at(60.0, world.processes["link"].kill)
+        world.at(60.5, browser.send, Stop(), 1)
+        world.at(61.0, world.processes["link"].begin)
+        world.run(120.0)
+        assert world.errors == []
+        ((body,),) = rows(world.processes["console"].stored / "archive.sqlite", HISTORIES)
+    (received,) = (each for each in json.loads(body)["history"] if each["stage"] == "RECEIVED")
+    # the link listens again at 61 s; the console tries at least every 5 s
+    assert received["utc"] - world.start_utc_s < 61.0 + 5.0 + 6.0

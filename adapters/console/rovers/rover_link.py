@@ -140,7 +140,7 @@ class RoverLink:
         kind: DIRECT for the asset itself, RELAY for an orbiter.
         state, since_s, detail: state, its start time, and its reason.
         last_received_s: last reception time; None for never.
-        client: the session while it is up.
+        client: the session while it is up; of a known asset also before its first answers.
         figures: last figures of `LINK_HOUSEKEEPING`, by name.
         preconditions: whether the asset supports preconditions of commands.
     """
@@ -199,14 +199,16 @@ class RoverLink:
         )
         async with client:
             notifications = client.notifications()  # before the first await, so that none is missed
-            self.info, definitions, telemetry = await asyncio.gather(
-                client.get_asset(), client.list_definition(), self._subscribed(client.telemetry)
-            )
-            self.preconditions = await client.supports_preconditions()
-            relayed = any(each.name == NEXT_CONTACT for each in definitions)
-            self.kind = LinkKind.RELAY if relayed else LinkKind.DIRECT
-            self.client, self._was_up = client, True
+            if self.info is not None:  # a stop of a known asset does not wait for its answers
+                self.client = client
             try:
+                self.info, definitions, telemetry = await asyncio.gather(
+                    client.get_asset(), client.list_definition(), self._subscribed(client.telemetry)
+                )
+                self.preconditions = await client.supports_preconditions()
+                relayed = any(each.name == NEXT_CONTACT for each in definitions)
+                self.kind = LinkKind.RELAY if relayed else LinkKind.DIRECT
+                self.client, self._was_up = client, True
                 self._listener.on_asset(self, definitions)
                 self._set_state(LinkState.UP, "")
                 await self._listen(client, notifications, telemetry)
