@@ -1,7 +1,8 @@
 """`rank`: the simulated faults that explain a recording with an unknown fault, the best first.
 
 Each declared fault is tried, with each side, from the moment when the recorded odometry departs
-from that of a fork without a fault; then the best ones with other begins and figures.
+from that of a fork without a fault; then the best ones of different kinds with other begins and
+figures.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -32,7 +33,7 @@ BEGINS_S: Final = (-0.5, -0.2, 0.2)
 FACTORS: Final = (-1.0, 0.6, 1.7)
 """Further begins, and factors of figures, of the best ones; chosen."""
 REFINED: Final = 3
-"""Number of the best ones that are refined, this often; chosen."""
+"""Number of the best kinds that are refined, this often; chosen."""
 EXPLAINED: Final = 3.0
 """Maximum score of a hypothesis that explains a recording; chosen."""
 DIGITS: Final = 6
@@ -69,7 +70,7 @@ def rank(
     settings: Settings,
     scores: Callable[[Sequence[Change], float], Sequence[float]],
 ) -> list[Hypothesis]:
-    """Return all hypotheses, the best first.
+    """Return the best hypothesis of each kind of fault, the best first.
 
     Args:
         recorded: the recording.
@@ -88,11 +89,18 @@ def rank(
 
     ranked = tried([AddedFault(each, begin_s) for each in possible_faults(settings)])
     for _ in range(REFINED):
-        ranked.sort(key=lambda each: each.score)
         known = [each.fault for each in ranked]
-        others = dict.fromkeys(other for each in known[:REFINED] for other in _others(each))
+        best = _best_of_kinds(ranked)[:REFINED]
+        others = dict.fromkeys(other for each in best for other in _others(each.fault))
         ranked += tried([e for e in others if e not in known and e.begin_s <= departs_s])
-    return sorted(ranked, key=lambda each: each.score)
+    return _best_of_kinds(ranked)
+
+
+def _best_of_kinds(tried: Sequence[Hypothesis]) -> list[Hypothesis]:
+    best: dict[type[SimulatedFault], Hypothesis] = {}
+    for each in sorted(tried, key=lambda each: each.score):
+        best.setdefault(type(each.fault.fault), each)
+    return [*best.values()]
 
 
 def possible_faults(settings: Settings) -> Iterator[SimulatedFault]:

@@ -111,17 +111,6 @@ class Saving:
     seeds: int
     instead: str
 
-    def lines(self) -> Iterator[str]:
-        """Yield it as text."""
-        unchanged = f"without a change in {self.saved_unchanged} of {self.seeds}"
-        if self.minimal:
-            yield f"saved by {self.minimal}"
-            yield f"  EXECUTED with {self.saved} of {self.seeds} seeds, {unchanged}"
-            return
-        yield f"no change of limits, speeds, controller or arguments saves it; {unchanged} seeds"
-        if self.instead:
-            yield f"  with extreme limits: {self.instead}"
-
 
 @dataclass(frozen=True, slots=True)
 class Search:
@@ -214,10 +203,17 @@ class SaveAnswer:
         if self.hypotheses:
             yield "a fork without a change ends otherwise; faults that may explain the recording:"
             yield from (f"  {each}" for each in self.hypotheses)
-        if self.saving is None:
+        found = self.saving
+        if found is None:
             yield f"none explains it (a score up to {EXPLAINED:g} does): no change was tried"
+            return
+        if found.minimal:
+            yield f"saved by {found.minimal}"
+            yield f"  EXECUTED with {found.saved} of {found.seeds} seeds"
         else:
-            yield from self.saving.lines()
+            yield "no change of limits, speeds, controller or arguments saves it"
+            yield from [f"  with extreme limits: {found.instead}"] if found.instead else []
+        yield f"  EXECUTED without a change with {found.saved_unchanged} of {found.seeds} seeds"
 
 
 def save(path: Path, seeds: Sequence[int]) -> SaveAnswer:

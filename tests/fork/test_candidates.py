@@ -16,8 +16,8 @@ from sim.fork.candidates import (
     limits_of,
     speeds_of,
 )
-from sim.fork.model import Change
-from sim.fork.save import Saving, Search, Verdict
+from sim.fork.model import Change, Fidelity
+from sim.fork.save import SaveAnswer, Saving, Search, Verdict
 
 JACKAL = load_settings("jackal")
 ID = Identity("MOE", 1)
@@ -171,7 +171,11 @@ def test_no_change_saves_a_run_that_the_next_reason_ends() -> None:
     needed = {"faults.off_command.above": (0.2, COMMAND), "another": (1.0, OTHER)}
     found = Monitors(needed).search()
     assert (found.minimal, found.instead) == ("", f"FAILED {Reason.LEAF_RAISED}")
-    assert "no change of limits, speeds, controller or arguments saves it" in next(found.lines())
+    answer = SaveAnswer("run.mcap", "MOE:1", Fidelity.BIT_EQUAL, (), found)
+    assert [*answer.lines()][1:3] == [
+        "no change of limits, speeds, controller or arguments saves it",
+        f"  with extreme limits: {found.instead}",
+    ]
 
 
 @pytest.mark.parametrize(("unlucky", "saved"), [((4,), 3), ((3, 4), 0)])

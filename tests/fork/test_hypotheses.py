@@ -56,7 +56,7 @@ def test_the_best_faults_are_refined_by_their_begin_and_their_figures() -> None:
     tried: list[AddedFault] = []
 
     def scores(changes: Sequence[Change], at_s: float) -> list[float]:
-        (faults,) = zip(*(change.faults for change in changes), strict=True)
+        faults = [fault for change in changes for fault in change.faults]
         assert all(at_s <= each.begin_s <= 2.65 for each in faults)  # where the odometry departs
         tried.extend(faults)
         return [distance(each) for each in faults]
@@ -67,7 +67,8 @@ def test_the_best_faults_are_refined_by_their_begin_and_their_figures() -> None:
 
     ranked = rank(RECORDED, UNCHANGED, JACKAL, scores)
     assert ranked == sorted(ranked, key=lambda each: each.score)
-    assert len(ranked) == len(tried) == len({repr(each) for each in tried})
+    assert len(tried) == len({repr(each) for each in tried})
+    assert len(ranked) == len({type(each.fault) for each in tried})  # one of each kind
     best = ranked[0].fault.fault
     assert isinstance(best, OdometryDrift)
     assert best.rate_mps == pytest.approx(0.17)

@@ -43,7 +43,8 @@ def test_a_tight_limit_is_named_with_its_least_factor(
     assert done.output.splitlines() == [
         "MOE:1 moveForward FAILED MOTION_BLOCKED",
         "saved by faults.motion_blocked.above=18 (recorded 9)",
-        "  EXECUTED with 1 of 1 seeds, without a change in 0 of 1",
+        "  EXECUTED with 1 of 1 seeds",
+        "  EXECUTED without a change with 0 of 1 seeds",
     ]
 
 
