@@ -19,7 +19,7 @@ const shown = {
 };
 const top = html("div");
 const operations = html("div", { id: "operations" });
-const recordings = html("span", { "aria-label": "recordings" });
+const recordings = html("nav", { "aria-label": "recordings" });
 document.body.append(
   top,
   operations,
