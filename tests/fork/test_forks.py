@@ -247,6 +247,16 @@ def test_a_restart_occurs_as_recorded(tmp_path: Path) -> None:
     assert "FAILED INTERRUPTED" in stages(fork.outcome).values()
 
 
+def test_odometry_arrives_as_recorded_after_a_restart(tmp_path: Path) -> None:
+    late = "inject={odometry_late: {by: 0.2}, at: 2}"
+    play(tmp_path, "motion_forward", "duration=3", "crash={at: 0.3, for: 0.4}", late)
+    kinds = get_args(SimulationItem)
+    unknown = Forkable(rewritten(tmp_path / "run.mcap", tmp_path / "real.mcap", None, kinds))
+    fork, fidelity = unknown.unchanged(0.2)
+    assert fidelity is Fidelity.SAME_OUTCOMES
+    assert stages(fork.outcome) == {"MOE:1": "FAILED ODOMETRY_LATE"}
+
+
 @pytest.mark.parametrize(
     ("fault", "reason"),
     [
