@@ -12,6 +12,8 @@ from tests.support.figures import Figure, Goal, quantile
 ROUND_TRIPS_S: Final = (2.6, 10.0, 300.0)
 COMPARED_S: Final = 10.0
 """Round trip of the comparison with moving and waiting."""
+FITTED_SITES: Final = 9
+"""Number of sites that 2 sigma was fitted to: the first ones, which are not measured."""
 OFF_PATH_M: Final = 0.3
 IN_2_SIGMA: Final = Goal(0.9, at_least=True)
 ON_PATH: Final = Goal(0.99, at_least=True)
@@ -23,16 +25,30 @@ H_S: Final = 3600.0
 
 
 def measure(sites: int, log: Callable[[str], None]) -> list[Figure]:
-    """Play each site with each delay, and again by moving and waiting at `COMPARED_S`."""
-    figures: list[Figure] = []
-    for round_trip_s in ROUND_TRIPS_S:
-        log(f"{sites} sites with a round trip of {round_trip_s:g} s ...")
-        played = [_play(each, round_trip_s, committed=True) for each in range(sites)]
-        figures += _figures(f"{round_trip_s:g} s", played)
-        if round_trip_s == COMPARED_S:
-            waited = [_play(each, round_trip_s, committed=False) for each in range(sites)]
-            figures += _gains(played, waited)
-    return figures
+    """Play each site with each delay, and again by moving and waiting at `COMPARED_S`.
+
+    Logs the figures of each site, for a run that is cut off.
+    """
+    played: dict[float, list[Played]] = {each: [] for each in ROUND_TRIPS_S}
+    waited: list[Played] = []
+    numbers = range(FITTED_SITES, FITTED_SITES + sites)
+    for number in numbers:
+        for round_trip_s, missions in played.items():
+            missions.append(_play(number, round_trip_s, committed=True))
+            log(_line(number, f"{round_trip_s:g} s", missions[-1]))
+        waited.append(_play(number, COMPARED_S, committed=False))
+        log(_line(number, f"{COMPARED_S:g} s, moving and waiting", waited[-1]))
+    figures = [figure for each in ROUND_TRIPS_S for figure in _figures(f"{each:g} s", played[each])]
+    return figures + _gains(numbers, played[COMPARED_S], waited)
+
+
+def _line(number: int, name: str, played: Played) -> str:
+    usual = [each for each in played.judged if each.moving and not each.unexpected]
+    inside = sum(each.error_m <= each.predicted.deviation_m for each in usual)
+    on_path = sum(each.off_path_m <= OFF_PATH_M for each in played.judged)
+    took = "not crossed" if played.duration_s is None else f"{played.duration_s:.1f} s"
+    shares = f"{inside} of {len(usual)} in 2 sigma, {on_path} of {len(played.judged)} on the path"
+    return f"site {number}, {name}: {took}, {played.contacts} contacts, {shares}"
 
 
 def _play(site: int, round_trip_s: float, *, committed: bool) -> Played:
@@ -69,11 +85,11 @@ def _within(judged: list[Judged]) -> float:
     return sum(each.error_m <= each.predicted.deviation_m for each in judged) / len(judged)
 
 
-def _gains(played: list[Played], waited: list[Played]) -> list[Figure]:
+def _gains(numbers: range, played: list[Played], waited: list[Played]) -> list[Figure]:
     """Return the paces, and the gain of sites where wheels stick and where none do."""
     pairs = [
         (one.duration_s, other.duration_s, stuck_after_m(site) is not None)
-        for site, (one, other) in enumerate(zip(played, waited, strict=True))
+        for site, one, other in zip(numbers, played, waited, strict=True)
         if one.duration_s is not None and other.duration_s is not None
     ]
 
