@@ -4,28 +4,17 @@ from bisect import bisect_left
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from os import W_OK, access
 from pathlib import Path
-from shutil import rmtree
+from tempfile import TemporaryDirectory
 from typing import Final
 
-from executive.commands import (
-    ABOARD_LINK,
-    Command,
-    FollowPath,
-    MoveTo,
-    Stop,
-)
+from executive.commands import ABOARD_LINK, Command, FollowPath, MoveTo, Stop
 from executive.core.runner import Executive
 from executive.faults import FaultTable, Reaction
 from executive.preview import DelegatedMotionBase, KinematicBase
 from executive.record import Ledger, Synchronous, connect_to_file
-from executive.settings import (
-    Controller,
-    LinkLossSettings,
-    LocomotionKind,
-    Sensors,
-    Settings,
-)
+from executive.settings import Controller, LinkLossSettings, LocomotionKind, Sensors, Settings
 from executive.values.clock import ManualClock
 from executive.values.facts import MapToOdom, Odometry
 from executive.values.geometry import STANDING, Pose, TargetFrame, wrap_rad
@@ -34,9 +23,8 @@ from trees import RoverTree
 
 NEVER_LATE_S: Final = 1e9
 """Watchdog of a copy: its clock skips the time at rest."""
-STEP_M: Final = 0.01
-"""Minimum distance between stored poses at the same heading."""
-STEP_RAD: Final = 0.02
+SHARED_MEMORY: Final = Path("/dev/shm")
+"""Folder of a copy's files, if there is one: each start synchronises its stop latch."""
 _STOPPED: Final = Identity("twin", 1)
 
 
@@ -66,7 +54,6 @@ class ExecutiveCopy:
 
     Args:
         settings: settings of the asset; see `copied_settings`.
-        folder: new folder for its stop latch.
         reports: reported poses in order; the copy starts at the time of the first.
 
     Attributes:
@@ -74,20 +61,21 @@ class ExecutiveCopy:
         ends: end times of its commands.
     """
 
-    def __init__(self, settings: Settings, folder: Path, reports: Sequence[ReportedPose]) -> None:
+    def __init__(self, settings: Settings, reports: Sequence[ReportedPose]) -> None:
         first, last = reports[0], reports[-1]
         self._settings = settings
         self._clock = ManualClock(first.utc_s)
         delegated = settings.locomotion is LocomotionKind.DELEGATED
         kind = DelegatedMotionBase if delegated else KinematicBase
         self._base: KinematicBase | DelegatedMotionBase = kind(self._clock, settings, Pose())
-        self._reports = deque(reports)
+        self._reported = [(each.utc_s, each.pose) for each in reports]
+        self._follows = True
         self.ends: deque[float] = deque()
-        self._before = first
         self._origin = first.pose
-        self.track: deque[tuple[float, Pose]] = deque([(first.utc_s, first.pose)])
-        folder.mkdir()
-        self._folder = folder
+        self.track: deque[tuple[float, Pose]] = deque(self._reported[:1])
+        shared = SHARED_MEMORY if access(SHARED_MEMORY, W_OK) else None
+        self._folder = TemporaryDirectory(prefix="rover-twin-", dir=shared)
+        folder = Path(self._folder.name)
         self._ledger = Ledger(
             folder / "ledger", Synchronous.NORMAL, lambda _: connect_to_file(":memory:")
         )
@@ -133,8 +121,7 @@ class ExecutiveCopy:
     def advance(self, until_utc_s: float, ticks: int) -> int:
         """Advance to a time, by at most some ticks; return how many ticks are left."""
         while ticks > 0 and (left_s := until_utc_s - self.utc_s) > 0.0:
-            idle_s = self._idle_s(left_s)
-            self._clock.advance(idle_s or min(self._settings.tick_s, left_s))
+            self._clock.advance(left_s if self._is_idle else min(self._settings.tick_s, left_s))
             ticks -= 1
             goals = self.executive.goal_count
             self._base.advance()
@@ -150,14 +137,6 @@ class ExecutiveCopy:
         report = self._ledger.last_report(identity)
         return None if report is None else report.stage
 
-    def pose_at(self, utc_s: float) -> Pose:
-        """Return its pose at a time of the track, or the nearest end of that."""
-        index = bisect_left(self.track, utc_s, key=lambda each: each[0])
-        if index == 0 or index == len(self.track):
-            return self.track[max(0, index - 1)][1]
-        (before_s, before), (after_s, after) = self.track[index - 1], self.track[index]
-        return _between(before, after, (utc_s - before_s) / (after_s - before_s))
-
     def forget_before(self, utc_s: float) -> None:
         """Drop the track before a time."""
         while len(self.track) > 1 and self.track[1][0] <= utc_s:
@@ -168,47 +147,34 @@ class ExecutiveCopy:
     def close(self) -> None:
         """Delete its files."""
         self.executive.simulate_crash()
-        rmtree(self._folder, ignore_errors=True)
+        self._folder.cleanup()
 
-    def _idle_s(self, left_s: float) -> float:
-        """Return the time to skip because the rover is idle; 0 if it is not."""
+    @property
+    def _is_idle(self) -> bool:
         executive = self.executive
-        idle = (
-            executive.goal_count == 0
+        return (
+            not self._follows
+            and executive.goal_count == 0
             and executive.active_plan is None
             and executive.velocity == STANDING
             and self._base.velocity == STANDING
         )
-        if not idle:
-            return 0.0
-        return left_s if not self._reports else min(left_s, self._reports[0].utc_s - self.utc_s)
 
     def _observe(self) -> None:
-        utc_s, base = self.utc_s, self._base
-        while self._reports and self._reports[0].utc_s <= utc_s:
-            self._before = self._reports.popleft()
-            self._move_to(self._before.pose)
-        if self._reports:
-            before, after = self._before, self._reports[0]
-            part = (utc_s - before.utc_s) / (after.utc_s - before.utc_s)
-            self._move_to(_between(before.pose, after.pose, part))
+        utc_s = self.utc_s
+        if self._follows:
+            self._origin = pose_at(self._reported, utc_s).compose(self._base.pose.inverse)
+            self._follows = utc_s < self._reported[-1][0]
         pose = self.pose
-        last_s, last = self.track[-1]
-        if utc_s > last_s:
-            moved = last.point.distance_m(pose.point) >= STEP_M
-            moved |= abs(wrap_rad(last.heading_rad - pose.heading_rad)) >= STEP_RAD
-            if moved or len(self.track) < 2 or self.track[-2][1] != last:
-                self.track.append((utc_s, pose))
-            else:
-                self.track[-1] = utc_s, last
+        if len(self.track) > 1 and self.track[-2][1] == self.track[-1][1] == pose:
+            self.track.pop()
+        if utc_s > self.track[-1][0]:
+            self.track.append((utc_s, pose))
         if self._settings.frame is TargetFrame.MAP:
             self.executive.observe(MapToOdom(Pose()))
-        for fact in base.facts():
+        for fact in self._base.facts():
             moved_fact = replace(fact, pose=pose) if isinstance(fact, Odometry) else fact
             self.executive.observe(moved_fact)
-
-    def _move_to(self, pose: Pose) -> None:
-        self._origin = pose.compose(self._base.pose.inverse)
 
     def _wake(self) -> None:
         self._woken = True
@@ -239,7 +205,13 @@ def copied_settings(settings: Settings) -> Settings:
     )
 
 
-def _between(before: Pose, after: Pose, part: float) -> Pose:
+def pose_at(track: Sequence[tuple[float, Pose]], utc_s: float) -> Pose:
+    """Return the pose at a time of a track, or at the nearest end of it."""
+    index = bisect_left(track, utc_s, key=lambda each: each[0])
+    if index == 0 or index == len(track):
+        return track[max(0, index - 1)][1]
+    (before_s, before), (after_s, after) = track[index - 1], track[index]
+    part = (utc_s - before_s) / (after_s - before_s)
     turn_rad = wrap_rad(after.heading_rad - before.heading_rad)
     return Pose(
         before.x_m + part * (after.x_m - before.x_m),

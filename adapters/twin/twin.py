@@ -9,12 +9,9 @@ from collections import deque
 from dataclasses import dataclass
 from itertools import islice
 from math import inf, sqrt
-from os import W_OK, access
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Final
 
-from adapters.twin.executive_copy import ExecutiveCopy, ReportedPose, copied_settings
+from adapters.twin.executive_copy import ExecutiveCopy, ReportedPose, copied_settings, pose_at
 from executive.commands import Command
 from executive.settings import Settings
 from executive.values.geometry import Point, Pose, path_length_m
@@ -41,8 +38,8 @@ RESTART_RATIO: Final = 0.01
 take some 4 % of a processor then, also in motions of hours; chosen."""
 MAX_REPORTS: Final = 20_000
 """Maximum number of stored reports."""
-SHARED_MEMORY: Final = Path("/dev/shm")
-"""Folder of the copies' files, if there is one: each restart synchronises their stop latch."""
+MIN_SPEED_MPS: Final = 0.05
+"""Minimum speed of a motion without a known command, e.g. of another console; chosen."""
 MAX_LAG_S: Final = 10.0
 """Maximum lag between the twin and the rover where their paths are joined; chosen."""
 
@@ -94,13 +91,11 @@ class Twin:
     def __init__(self, settings: Settings, one_way_s: float) -> None:
         self.one_way_s = one_way_s
         self._settings = copied_settings(settings)
-        folder = SHARED_MEMORY if access(SHARED_MEMORY, W_OK) else None
-        self._folder = TemporaryDirectory(prefix="rover-twin-", dir=folder)
-        self._copies = 0
         self._copy: ExecutiveCopy | None = None
         self._sent: dict[Identity, _Sent] = {}
         self._reports: deque[ReportedPose] = deque(maxlen=MAX_REPORTS)
         self._outdated = True
+        self._moved_by_others = False
         self._restart_utc_s = -inf
 
     def on_sent(self, command: Command, utc_s: float) -> None:
@@ -126,15 +121,19 @@ class Twin:
         """Receive a reported pose; one that is not newer than the last is ignored."""
         if self._reports and reported.utc_s <= self._reports[-1].utc_s:
             return
-        if self._reports:
-            self._outdated |= reported.stopped is not self._reports[-1].stopped
+        before = self._reports[-1] if self._reports else reported
+        self._outdated |= reported.stopped is not before.stopped
         self._reports.append(reported)
         begin_s = min((each.started_utc_s for each in self._sent.values()), default=inf)
         while len(self._reports) > 1 and self._reports[1].utc_s <= begin_s:
             self._reports.popleft()
         if self._copy is not None:
-            predicted = self._copy.pose_at(reported.utc_s)
+            predicted = pose_at(self._copy.track, reported.utc_s)
             self._outdated |= predicted.point.distance_m(reported.pose.point) > MAX_ERROR_M
+            moved_m = reported.pose.point.distance_m(before.pose.point)
+            moved_m -= predicted.point.distance_m(pose_at(self._copy.track, before.utc_s).point)
+            speed_mps = moved_m / max(reported.utc_s - before.utc_s, self._settings.tick_s)
+            self._moved_by_others = begin_s == inf and speed_mps > MIN_SPEED_MPS
             self._copy.forget_before(reported.utc_s - MAX_LAG_S)
 
     def advance(self, utc_s: float, ticks: int) -> bool:
@@ -174,12 +173,13 @@ class Twin:
     def predict(self, utc_s: float) -> PredictedPose | None:
         """Return where a command that is sent now finds the rover.
 
-        None before the first report, and while a restart is due, which long motions put off.
+        None before the first report, while a restart is due, which long motions put off, and while
+        the rover moves without a command known here, e.g. by that of another console.
         """
         while not self.advance(utc_s, SLICE_TICKS):
             pass
         copy = self._copy
-        if copy is None or self._outdated:
+        if copy is None or self._outdated or self._moved_by_others:
             return None
         path = self._path(copy)
         as_of_s = self._reports[-1].utc_s
@@ -192,15 +192,11 @@ class Twin:
         """Delete its files."""
         if self._copy is not None:
             self._copy.close()
-        self._folder.cleanup()
 
     def _begin(self) -> ExecutiveCopy:
         """Start again with the first running command, along the poses reported since."""
-        if self._copy is not None:
-            self._copy.close()
-        self._copies += 1
-        folder = Path(self._folder.name) / str(self._copies)
-        self._copy = ExecutiveCopy(self._settings, folder, tuple(self._reports))
+        self.close()
+        self._copy = ExecutiveCopy(self._settings, tuple(self._reports))
         self._outdated = False
         for sent in self._sent.values():
             sent.fed = False
