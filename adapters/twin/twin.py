@@ -5,6 +5,7 @@ starts again at the last reported pose if it is too far from that, or if a comma
 failed. Until then the rover may be off the prediction, but it is still on the path.
 """
 
+from bisect import bisect_left
 from collections import deque
 from dataclasses import dataclass
 from itertools import islice
@@ -211,7 +212,7 @@ class Twin:
                 for index, (utc_s, pose) in enumerate(copy.track)
                 if abs(utc_s - reported.utc_s) <= MAX_LAG_S
             ),
-            default=(0.0, len(copy.track) - 1),
+            default=(0.0, max(0, bisect_left(copy.track, (reported.utc_s,)) - 1)),
         )[1]
         rest = [pose.point for _, pose in islice(copy.track, first, None)]
         step_m = max(MIN_STEP_M, path_length_m(rest) / MAX_POINTS)

@@ -212,3 +212,16 @@ def test_a_shorter_delay_restarts_a_twin_that_is_too_far_ahead() -> None:
     twin.close()
     assert found is not None
     assert found.arrival_utc_s == NOW_S + ONE_WAY_S
+
+
+def test_the_path_has_all_points_where_the_report_is_of_a_long_rest() -> None:
+    twin = Twin(SLOW, 300.0)
+    twin.on_pose(ReportedPose(NOW_S - 300.0, Pose()))
+    twin.predict(NOW_S)
+    twin.on_sent(Command(Identity("MOE", 1), MoveForward(8.0), DIRECT_LINK), NOW_S)
+    twin.on_pose(ReportedPose(NOW_S - 270.0, Pose()))
+    found = twin.predict(NOW_S + 30.0)
+    twin.close()
+    assert found is not None
+    assert found.pose.x_m > 7.9
+    assert max(one.distance_m(other) for one, other in itertools.pairwise(found.path)) < 0.2
