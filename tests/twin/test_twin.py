@@ -171,7 +171,7 @@ def test_a_stop_holds_the_twin_until_the_resume_arrives(tmp_path: Path) -> None:
         assert abs(link.pose.heading_rad - pi / 2) < 0.05
 
 
-def test_nothing_is_predicted_while_another_console_moves_the_rover(tmp_path: Path) -> None:
+def test_motions_of_another_console_are_not_predicted(tmp_path: Path) -> None:
     with delayed(tmp_path) as link:
         other = Command(Identity("other", 1), MoveForward(2.0), DIRECT_LINK)
         link.bench.submit(other)
@@ -214,7 +214,7 @@ def test_a_shorter_delay_restarts_a_twin_that_is_too_far_ahead() -> None:
     assert found.arrival_utc_s == NOW_S + ONE_WAY_S
 
 
-def test_the_path_has_all_points_where_the_report_is_of_a_long_rest() -> None:
+def test_the_path_is_complete_after_a_report_during_a_rest() -> None:
     twin = Twin(SLOW, 300.0)
     twin.on_pose(ReportedPose(NOW_S - 300.0, Pose()))
     twin.predict(NOW_S)
