@@ -6,7 +6,7 @@ JSON for each recording to its standard output.
 
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Final
 
@@ -46,26 +46,33 @@ def judge(path: Path, settings: Settings | None) -> tuple[str, str]:
 
 
 def compare(before: ForkRun, after: ForkRun) -> tuple[str, str]:
-    """Compare two runs by contacts, then by false EXECUTED, then by the number of true ones."""
-    for old, new in zip(_faults(before), _faults(after), strict=True):
+    """Compare two runs by contacts, then by false EXECUTED, then by the number of true ones.
+
+    A command that was active at the end of the run before has no end to compare with.
+    """
+    outcomes = before.outcome.commands
+    active = {each.command for each in outcomes if not Stage[each.stage].terminal}
+    counts = (tuple(_faults(each, active)) for each in (before, after))
+    for old, new in zip(*counts, strict=True):
         if old is not None and new is not None and old[0] != new[0]:
             return (WORSE if new[0] > old[0] else BETTER), f"{new[1]}; before: {old[1]}"
-    then, now = _unmet(before)[1], _unmet(after)[1]
+    then, now = _unmet(before, active)[1], _unmet(after, active)[1]
     return SAME, "" if then == now else f"{now}; before: {then}"
 
 
-def _faults(run: ForkRun) -> Iterator[tuple[int, str] | None]:
+def _faults(run: ForkRun, active: Collection[str]) -> Iterator[tuple[int, str] | None]:
     """Yield counts with their texts; the fewer, the better. None for an unknown count."""
     contacts = run.outcome.contacts
     yield None if contacts is None else (contacts, f"{contacts} contacts")
     wrong = {each.label: each.wrong for each in true_ends(run.record) if each.wrong}
     yield len(wrong), ", ".join(f"{label} {text}" for label, text in wrong.items()) or "all true"
-    yield _unmet(run)
+    yield _unmet(run, active)
 
 
-def _unmet(run: ForkRun) -> tuple[int, str]:
+def _unmet(run: ForkRun, active: Collection[str]) -> tuple[int, str]:
     """Return the number of commands that did not end EXECUTED, and their ends as text."""
-    unmet = [each for each in run.outcome.commands if each.stage != Stage.EXECUTED.name]
+    ended = (each for each in run.outcome.commands if each.command not in active)
+    unmet = [each for each in ended if each.stage != Stage.EXECUTED.name]
     texts = (f"{each.command} {each.stage} {each.reason}".rstrip() for each in unmet)
     return len(unmet), ", ".join(texts) or "all EXECUTED"
 

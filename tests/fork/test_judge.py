@@ -58,6 +58,7 @@ def run(
 GOOD = run(Stage.EXECUTED)
 FAILED = run(Stage.FAILED, "OFF_TARGET")
 FALSE = run(Stage.EXECUTED, true_m=0.5)
+OPEN = run(Stage.STARTED)
 
 
 @pytest.mark.parametrize(
@@ -66,6 +67,9 @@ FALSE = run(Stage.EXECUTED, true_m=0.5)
         (FAILED, GOOD, BETTER, "all EXECUTED; before: MOE:1 FAILED OFF_TARGET"),
         (GOOD, FAILED, WORSE, "MOE:1 FAILED OFF_TARGET; before: all EXECUTED"),
         (GOOD, GOOD, SAME, ""),
+        (OPEN, GOOD, SAME, ""),
+        (OPEN, FAILED, SAME, ""),
+        (GOOD, OPEN, WORSE, "MOE:1 STARTED; before: all EXECUTED"),
         (GOOD, run(Stage.EXECUTED, end_s=4.0), SAME, ""),
         (
             FAILED,
