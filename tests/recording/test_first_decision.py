@@ -32,7 +32,7 @@ def messages(*items: Decision) -> list[RecordedMessage]:
     return [RecordedMessage(topic_of(each), encode(each)) for each in items]
 
 
-def test_the_end_of_a_command_comes_before_the_velocity_that_follows() -> None:
+def test_the_end_of_a_command_precedes_the_velocity_zero_after_it() -> None:
     ended = ModeChanged(Mode.IDLE, None, ""), ReportSent(ENDED), VelocityCommanded(STANDING)
     found = differing(messages(DRIVE), messages(*ended))
     assert found is not None
