@@ -158,7 +158,7 @@ STRESS: Final = {
     "forks": {"--forks": (200, 2)},
     "regressions": {"--recordings": (100, 7)},
     "navigation": {"--drives": (50, 1)},
-    "saving": {"--runs": (50, 1)},
+    "saving": {"--runs": (50, 3)},
     "fuzz": {"--messages": (1_000_000, 5000)},
     "bundle-fuzz": {"--messages": (300_000, 5000)},
     "mops-fuzz": {"--messages": (150_000, 1000)},
