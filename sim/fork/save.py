@@ -225,11 +225,12 @@ def save(path: Path, seeds: Sequence[int]) -> SaveAnswer:
     """
     forkable = Forkable(path)
     recorded = forkable.recorded
-    ends = ((i, each.end) for i, each in recorded.record.all_lifecycles().items())
-    failed = [(i, end) for i, end in ends if end and end.stage in (Stage.FAILED, Stage.REJECTED)]
     requests = {each.identity: each.request for each in recorded.record.requested}
+    commands = recorded.record.all_lifecycles().items()
+    ends = ((i, each.end) for i, each in commands if i in requests)
+    failed = [(i, end) for i, end in ends if end and end.stage in (Stage.FAILED, Stage.REJECTED)]
     if not failed:
-        raise ValueError(f"{path}: no command failed or was rejected; there is nothing to save")
+        raise ValueError(f"{path}: none of its commands failed; there is nothing to save")
     identity, end = failed[0]
     request, settings = requests[identity], forkable.settings
     command = f"{identity} {declaration_of(type(request)).name} {_end_text(end)}"

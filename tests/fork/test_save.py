@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from adapters.recording import RunFile
-from executive.core.recording import Item, SimulationItem, Truth
+from executive.core.recording import CommandDequeued, Item, SimulationItem, Truth
 from executive.values.reports import Identity
 from sim.fork import hypotheses
 from sim.fork.commands import whatif
@@ -23,6 +23,7 @@ from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import RunMode
 from sim.scenario.reading import load_scenario
 from tests.fork.conftest import play
+from tests.fork.test_forks import rewritten
 
 FORWARD = ("duration=2.6", "command.go.distance=0.6")
 ROW = "settings.faults.motion_blocked"
@@ -114,6 +115,14 @@ def test_a_run_is_saved_only_if_nothing_else_is_worse(stuck: Path) -> None:
     assert "is not true" in judge(failed, repaired, replace(repaired, poses=fixed)).text
     repaired.contacts = 2
     assert judge(failed, recorded, repaired).text == "2 contacts"
+
+
+def test_a_failed_command_from_before_the_recording_is_not_saved(
+    stuck: Path, tmp_path: Path
+) -> None:
+    rewritten(stuck, tmp_path / "run.mcap", without=(CommandDequeued,))
+    done = save(tmp_path / "run.mcap")
+    assert (done.exit_code, "there is nothing to save" in done.output) == (2, True)
 
 
 def test_a_fork_with_another_seed_continues_until_its_commands_end(tmp_path: Path) -> None:
