@@ -2,8 +2,10 @@
 
 import asyncio
 import os
+import shutil
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
+from errno import ENOSPC
 from pathlib import Path
 from zlib import crc32
 
@@ -101,6 +103,39 @@ async def test_a_checksum_is_in_the_list_once_it_is_known(
     assert (await client.list_files())[0].checksum == crc32(b"rock")
     path.write_bytes(b"moss")
     assert (await client.get_attributes("rock.JPEG")).checksum == crc32(b"moss")
+
+
+def test_copies_of_the_current_recording_are_made_one_at_a_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recordings = tmp_path / "recordings"
+    recordings.mkdir()
+    (recordings / "run.mcap").write_bytes(bytes(20_000_000))
+    aboard = Aboard(tmp_path / "aboard", recordings=recordings)
+    folder = root_of(aboard) / "current-recording"
+
+    def on_full_disk(_: Path, target: Path) -> None:
+        target.write_bytes(b"begun")
+        raise OSError(ENOSPC, os.strerror(ENOSPC))
+
+    async def session(client: MrsClient) -> None:
+        lists = (client.list_files(folder.name) for _ in range(6))
+        found = {(each.path, each.size) for (each,) in await asyncio.gather(*lists)}
+        assert found == {("current-recording/run.mcap", 20_000_000)}
+        monkeypatch.setattr(shutil, "copyfile", on_full_disk)
+        with pytest.raises(MalError, match="No space"):
+            await client.list_files(folder.name)
+        assert [each.name for each in folder.iterdir()] == ["run.mcap"]
+        shutil.rmtree(folder)
+        folder.symlink_to(recordings)
+        with pytest.raises(MalError, match="is a link"):
+            await client.list_files(folder.name)
+
+    try:
+        aboard.ground(session)
+    finally:
+        aboard.close()
+    assert [each.name for each in recordings.iterdir()] == ["run.mcap"]
 
 
 def _age(path: Path) -> None:

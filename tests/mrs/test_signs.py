@@ -72,6 +72,17 @@ def test_a_message_that_the_link_held_is_none(aboard: Aboard, octets: Octets) ->
         silent_s(aboard, 5.0)
 
 
+def test_a_sender_without_a_clock_is_in_contact(aboard: Aboard, octets: Octets) -> None:
+    for _ in range(3):
+        header, body = decode_message(
+            octets.message("Status", "getStatus", InteractionStage.REQUEST)
+        )
+        octets.send(encode_message(replace(header, timestamp_ns=0), body))
+        assert octets.reply()
+        assert silent_s(aboard) < 0.1
+        silent_s(aboard, 5.0)
+
+
 def test_delays_of_messages_are_compared_not_clocks() -> None:
     held = HeldMessages()
     outage = [held.is_held(sent_s, sent_s + 5.0) for sent_s in (0.0, 1.0, 2.0)]

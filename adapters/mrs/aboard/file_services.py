@@ -4,7 +4,7 @@ import asyncio
 import shutil
 from collections.abc import AsyncGenerator, Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import aclosing
+from contextlib import aclosing, suppress
 from dataclasses import dataclass
 from heapq import nlargest
 from pathlib import Path
@@ -103,6 +103,7 @@ class FileServices:
         self._asset = settings.asset
         self._holder = holder
         self._recordings = recordings
+        self._copying = asyncio.Lock()
         self._checksums = Checksums(folder, system)
         self._transfers: set[_Transfer] = set()
         self._broadcast = served.broadcast(
@@ -161,13 +162,14 @@ class FileServices:
 
     async def _list(self, _: CallContext, folder: str | None) -> tuple[tuple[FileInfo, ...]]:
         try:
+            if folder == CURRENT_RECORDING and self._recordings is not None:
+                async with self._copying:
+                    await asyncio.to_thread(self._copy_recording, self._recordings)
             return (await asyncio.to_thread(self._listed, folder or ""),)
         except NotADirectoryError:
             raise not_found_error(folder or "") from None
 
     def _listed(self, folder: str) -> tuple[FileInfo, ...]:
-        if folder == CURRENT_RECORDING and self._recordings is not None:
-            self._copy_recording(self._recordings)
         last = nlargest(
             MAX_LISTED, self._folder.entries(folder), key=lambda entry: entry[1].modified_ns
         )
@@ -182,22 +184,32 @@ class FileServices:
             MalError: Rejected, it cannot be copied.
         """
         copies = self._folder.root / CURRENT_RECORDING
-        if any(each.path.startswith(f"{CURRENT_RECORDING}/") for each in list(self._transfers)):
+        part = copies / ".part"
+        if self._is_sending_copy:
             return
         try:
             copies.mkdir(parents=True, exist_ok=True)
-            found = sorted(recordings.glob("*.mcap"), key=lambda each: each.stat().st_mtime_ns)
-            if not found:
+            if copies.is_symlink():  # the files of another folder are not to be deleted
+                raise NotADirectoryError(f"{CURRENT_RECORDING} is a link")
+            files = recordings.glob("*.mcap")
+            newest = max(files, key=lambda each: each.stat().st_mtime_ns, default=None)
+            if newest is None:
                 raise with_text(AreaError.REJECTED, "there is no recording yet")
-            newest = found[-1]
-            copy = copies / newest.name
-            part = copy.with_name(f".{copy.name}.part")
             shutil.copyfile(newest, part)
-            for former in copies.glob("*.mcap"):
-                former.unlink()
-            part.replace(copy)
+            if not self._is_sending_copy:
+                for former in copies.glob("*.mcap"):
+                    former.unlink()
+                part.replace(copies / newest.name)
         except OSError as error:
             raise with_text(AreaError.REJECTED, f"no copy of the recording: {error}") from error
+        finally:
+            with suppress(OSError):  # a full disk does not keep it
+                part.unlink()
+
+    @property
+    def _is_sending_copy(self) -> bool:
+        sent = list(self._transfers)
+        return any(each.path.startswith(f"{CURRENT_RECORDING}/") for each in sent)
 
     async def _cancel(self, call: CallContext, path: str) -> None:
         """Cancel the client's transfers of a file; for the holder of the authority those of all.

@@ -161,7 +161,8 @@ class ServedOperations:
 
     def _record_contact(self, call: CallContext) -> None:
         held = self._held.setdefault(call.connection, HeldMessages())
-        if call.timestamp_ns is None or not held.is_held(call.timestamp_ns / 1e9, self._now_s()):
+        sent_utc_s = (call.timestamp_ns or 0) / 1e9  # 0 is that of a sender without a clock
+        if not sent_utc_s or not held.is_held(sent_utc_s, self._now_s()):
             self._on_contact()
 
     def prioritize(
