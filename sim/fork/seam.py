@@ -28,6 +28,8 @@ _STANDSTILL_S: Final = 0.5
 _ENOUGH: Final = 20
 _MEASURED: Final = 2000
 """Minimum and maximum measurements of a standing rover; their mean is its constant error."""
+_MAX_MPS: Final = 2.0
+"""Maximum speed of the base."""
 _OTHER_CLOCK_S: Final = 5.0
 """Minimum difference of stamps and the core's clock, if they are different clocks."""
 
@@ -116,10 +118,14 @@ class RecordedMotion:
         """
         _, velocity = self.at(time_s)
         last_s, last = self._poses[-1] if self._poses else (time_s, self._pose_at(time_s))
+        track = self.truths or self._poses
+        moved_m = _pose_at(track, last_s).point.distance_m(_pose_at(track, time_s).point)
+        if moved_m > _MAX_MPS * (time_s - last_s + PERIOD_S):
+            track = self._poses  # a push, which odometry does not measure
         published_s = -1.0 if self.published is None else self.published.stamp_s
         for periods in range(round(late_s / PERIOD_S), -1, -1):
             stamp_s = time_s - periods * PERIOD_S
-            pose = _moved(last, self._pose_at(last_s), self._pose_at(stamp_s))
+            pose = _moved(last, _pose_at(track, last_s), _pose_at(track, stamp_s))
             if stamp_s > published_s + PERIOD_S / 2 or not periods:
                 yield Odometry(max(stamp_s, published_s + 1e-3), pose, velocity)
 

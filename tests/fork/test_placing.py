@@ -11,9 +11,10 @@ import yaml
 from executive.core.recording import FactObserved, Item
 from executive.settings import load_settings
 from executive.values.facts import Odometry
-from executive.values.geometry import Pose, Velocity
+from executive.values.geometry import STANDING, Pose, Velocity
 from sim.fork.model import Placing
 from sim.fork.placing import PlacedRover
+from sim.fork.seam import RecordedMotion
 from sim.rover import World
 from sim.rover.simulation import Simulation
 from sim.scenario.lockstep_run import run_in_lock_step
@@ -85,6 +86,15 @@ def test_a_real_rover_is_put_at_its_odometry(items: list[Item], tmp_path: Path) 
         each[0].point.distance_m(each[19].point) for each in (found.recorded, found.simulated)
     ]
     assert moved_m[1] == pytest.approx(moved_m[0], abs=0.02)
+
+
+def test_a_push_before_the_fork_is_not_in_its_odometry() -> None:
+    motion = RecordedMotion(1.0)
+    motion.truths.extend([(1.0, Pose(0.5)), (1.05, Pose(0.52, 0.8))])
+    for stamp_s in (1.0, 1.02):
+        fact = Odometry(stamp_s, Pose(0.5 * stamp_s), Velocity(0.5, 0.0))
+        motion.observe(stamp_s + 0.02, fact, STANDING, True)
+    assert [each.pose.y_m for each in motion.measured(1.04, 0.0)] == [0.0]
 
 
 def test_odometry_of_another_clock_continues_in_stamp_and_pose() -> None:
