@@ -266,6 +266,7 @@ async def test_the_current_recording_is_fetched_and_opened(
         assert (status, "there is no recording yet" in answer["error"]) == (422, True)
         for run in (drive, record("motion_turn", tmp_path)):
             growing.write_bytes(run.read_bytes())
+            rover.put("current-recording/moved.txt", b"")
             status, entry = await anna.post(path)
             assert (status, entry.get("asset")) == (201, "jackal@20261130T060000Z"), entry
             spans.append(entry["recording"]["end"] - entry["recording"]["start"])

@@ -154,7 +154,8 @@ class FileRequests:
         """Fetch the recording of an asset that it writes now, and open it."""
         asset = request.match_info["asset"]
         try:
-            (copy,) = await self._client(asset).list_files(CURRENT_RECORDING)
+            files = await self._client(asset).list_files(CURRENT_RECORDING)
+            copy = max(files, key=lambda each: each.modified)  # others were moved there
             await self._fetch(asset, copy.path)
         except (MalError, ConnectionError, OSError, ValueError) as error:
             if isinstance(error, MalError) and error.number == AreaError.NOT_FOUND.value:

@@ -81,7 +81,9 @@ const endOf = ({ stage, reason, end_s }) => [stage, reason, `${end_s.toFixed(2)}
 /** @param {WhatIf | null} answer */
 function textOf(answer) {
   if (answer === null) return "";
-  const lacks = answer.unchanged.lacks.length ? ` The recording lacks: ${answer.unchanged.lacks.join(", ")}.` : "";
+  const isCompared = answer.fidelity !== "NOT_COMPARED";
+  const missing = answer.unchanged.lacks.length ? ` The recording lacks: ${answer.unchanged.lacks.join(", ")}.` : "";
+  const lacks = `${missing}${isCompared ? "" : " Not compared without a change: the fork begins at the end of the recording."}`;
   if (answer.forks.length === 0) return `Without a change the simulation does not reproduce the recording: no answer.${lacks}`;
   const difference = answer.forks[0].first_difference;
   if (difference === null) return `Nothing differs.${lacks}`;
