@@ -203,7 +203,7 @@ class FileServices:
         except OSError as error:
             raise with_text(AreaError.REJECTED, f"no copy of the recording: {error}") from error
         finally:
-            with suppress(OSError):  # a full disk does not keep it
+            with suppress(OSError):  # also after a full disk
                 part.unlink()
 
     @property
