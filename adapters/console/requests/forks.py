@@ -120,7 +120,7 @@ def _options(body: dict[str, Any]) -> list[str]:
     if any("/" in each or each.endswith((".yaml", ".yml")) for each in body.get("world", [])):
         raise invalid("world", "the name of a world is needed, or scans: no file of this computer")
     if not found:
-        text = "a change is needed: a setting, a command or a controller"
+        text = "a change is needed: a setting, a command, a fault, a controller or a world"
         raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text)
     if (at_s := body.get("at")) is not None:
         if not (is_number(at_s) and at_s >= 0.0):

@@ -177,7 +177,7 @@ export function explanationTable({ steps, evidence }) {
 /** @param {string[]} texts of its cells @param {string} [name] of their element */
 export const row = (texts, name = "td") => html("tr", {}, ...texts.map((text) => html(name, { textContent: text ?? "" })));
 
-/** Create dots for the stages, each with the time from the command to it, by the clock of its sender; a narrow list shows the time of the last reached one only. @param {string[]} stages */
+/** Create dots for the stages, each with the time from the command to it; a narrow list shows the time of the last reached one only. @param {string[]} stages */
 function lifecycleLine(stages) {
   return html(
     "div",
@@ -211,7 +211,8 @@ function drawLifecycle(lifecycle, command, stages) {
       title: at ? `${shown}: ${clock(at.utc, true)} by the clock of ${at.node}, received ${clock(at.rx, true)}` : `${shown}: not yet`,
     });
     setText(what, shown.toLowerCase().replace("_", " "));
-    setText(when, !at || index === 0 || at.utc < command.created ? "" : `+${(at.utc - command.created).toFixed(2)} s`);
+    const made = !at || at.utc < command.created || at.utc > at.rx ? at?.rx : at.utc; // a time outside is of a wrong clock
+    setText(when, index === 0 || !(made >= command.created) ? "" : `+${(made - command.created).toFixed(2)} s`);
   });
 }
 
