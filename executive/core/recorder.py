@@ -118,7 +118,7 @@ class Recorder:
             return
         behind, error = sealed - state.durable, "" if state.error is None else str(state.error)
         if behind or error:
-            self.put(LedgerBehind(self._polls, state.durable, error))
+            self.put(LedgerBehind(self._polls, state.durable, error, behind))
         self._polls += 1
 
     def on_answer(self, identity: Identity, result: SubmitResult) -> None:

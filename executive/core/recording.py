@@ -172,11 +172,14 @@ class LedgerBehind:
         polls: number of earlier polls in this entry.
         durable: number of the last batch that was committed.
         error: error of the last attempt; empty without one.
+        behind: number of batches that were not committed; None in older recordings. A replay
+            numbers its batches otherwise if a link wrote to the ledger before the start.
     """
 
     polls: int
     durable: int
     error: str
+    behind: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

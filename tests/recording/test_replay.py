@@ -496,6 +496,28 @@ def test_a_run_on_a_slow_disk_is_replayed_though_no_flush_was_cut_short(
     assert replay(path).difference is None
 
 
+class BenchBesideRelay(Bench):
+    """The relay link writes to the ledger before the executive is created."""
+
+    def open_ledger(self) -> Ledger:
+        """Open the ledger, with a batch that the recording does not have."""
+        ledger = super().open_ledger()
+        ledger.add_tables("CREATE TABLE IF NOT EXISTS relayed (number INTEGER)")
+        ledger.write("INSERT INTO relayed VALUES (1)")
+        ledger.commit()
+        return ledger
+
+
+def test_a_run_is_replayed_whose_ledger_was_written_before_its_start(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with closing(RunFile(path)) as tape, BenchBesideRelay(tmp_path, tape=tape) as bench:
+        SlowDisk(bench).commit_s = 0.12
+        submitted(bench, MoveForward(0.2), 1)
+        bench.run(3.0)
+        assert bench.stages(1)[-1] is Stage.EXECUTED
+    assert replay(path).difference is None
+
+
 def test_what_questions_of_other_threads_do_is_replayed_where_they_did_it(tmp_path: Path) -> None:
     made = Recording(tmp_path)
     core, granted = made.executive, list[AuthorityState | Refusal]()

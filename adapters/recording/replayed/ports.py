@@ -177,7 +177,9 @@ class ReplayLedger(Ledger):
         self._polls += 1
         if recorded is not None:
             error = LedgerError(recorded.error) if recorded.error else None
-            self.state = state = WriterState(recorded.durable, error)
+            behind = recorded.behind
+            durable = recorded.durable if behind is None else self.sealed - behind
+            self.state = state = WriterState(durable, error)
         return state
 
 
