@@ -15,7 +15,14 @@ from adapters.recording.replayed import (
     encode,
     topic_of,
 )
-from executive.commands import OWN_LINKS, Command, PreemptionPolicy, Request, declaration_of
+from executive.commands import (
+    OWN_LINKS,
+    Command,
+    Precondition,
+    PreemptionPolicy,
+    Request,
+    declaration_of,
+)
 from executive.core.recording import (
     CommandDequeued,
     CoreCall,
@@ -135,16 +142,18 @@ class RunLog:
             self.simulation.append(item)
 
     def _send(self, command: Command) -> Send:
-        precondition = command.precondition
+        precondition, source = command.precondition or Precondition(), command.identity.source
+        after = precondition.after
         return Send(
             at_s=self.now_s,
             command=command.request,
             label=str(command.identity),
             id=command.identity.command_id,
-            source=command.identity.source,
+            source=source,
             link=command.link,
-            only_at=None if precondition is None else precondition.at,
-            only_mode=None if precondition is None else precondition.mode,
+            only_at=precondition.at,
+            only_after=None if after is None else str(Identity(source, after)),
+            only_mode=precondition.mode,
             lifetime_s=command.lifetime_s,
             replace=command.preemption is PreemptionPolicy.REPLACE,
         )

@@ -96,10 +96,17 @@ class CommandFactory:
             preemption=PreemptionPolicy.REPLACE if entry.replace else PreemptionPolicy.APPEND,
             precondition=Precondition(
                 entry.only_at,
-                None if entry.only_after is None else self._numbers[entry.only_after],
+                None if entry.only_after is None else self._number(entry.only_after),
                 entry.only_mode,
             )
             or None,
         )
         self._sent[entry.name] = command
         return entry.name, command
+
+    def _number(self, label: str) -> int:
+        """Return the number of a command; in forks also of one that was not sent, as `MOE:9`."""
+        identity = Identity.parse(label)
+        if label in self._numbers or identity is None:
+            return self._numbers[label]
+        return identity.command_id

@@ -9,8 +9,9 @@ import pytest
 
 from adapters.recording import RecordingError, RunFile, RunReader, decode
 from adapters.recording.replay import replay
-from executive.commands import MoveForward, PreemptionPolicy, Stop
+from executive.commands import MoveForward, Precondition, PreemptionPolicy, Stop
 from executive.core.recording import (
+    CommandDequeued,
     Entry,
     FactObserved,
     ProcessStart,
@@ -151,6 +152,19 @@ def test_a_recording_without_a_timeline_is_continued_from_its_state(
     assert live.unchanged(3.0)[1] is Fidelity.NOT_COMPARED
     (lacking,) = live.recorded.outcome.lacks
     assert "/sim/timeline is missing" in lacking
+
+
+def test_a_command_of_a_fork_waits_for_the_same_one(stuck: Path, tmp_path: Path) -> None:
+    path, reader = tmp_path / "run.mcap", RunReader(stuck)
+    with closing(RunFile(path)) as file:
+        for item in map(reader.decoded, reader.messages()):
+            if isinstance(item, CommandDequeued):
+                unknown = Precondition(after=999)
+                item = replace(item, command=replace(item.command, precondition=unknown))
+            if not isinstance(item, TimelineStarted):
+                file.put(item)
+    fork = Forkable(path).fork(Change(), 0.9)
+    assert stages(fork.outcome)["MOE:1"] == "REJECTED PRECONDITION_COMMAND"
 
 
 def test_the_record_of_a_fork_within_a_motion_is_complete(tmp_path: Path) -> None:
