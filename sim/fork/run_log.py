@@ -3,7 +3,7 @@
 from bisect import bisect_right
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Final
 
@@ -52,6 +52,8 @@ from sim.scenario.record import ALMOST_S, TruePose
 Step = ProcessStart | RecordedEntry | SimulationItem
 """Item of a recording: a start, an entry with all of its items, or an item of the simulation."""
 TRACK_TICKS: Final = 4
+_DRIFT_S: Final = 0.001
+"""Difference of both clocks that is no rounding."""
 DIGITS: Final = 6
 """Decimal digits of seconds: stamps in UTC have no finer ones."""
 _AS_OCTETS: Final = (TelemetrySent, TreeChanged)
@@ -86,6 +88,7 @@ class RunLog:
     kinds: set[type] = field(default_factory=set)
     _pose: Pose | None = None
     _before_s: float = 0.0
+    _drift_s: float = 0.0
 
     @classmethod
     def read(cls, steps: Iterable[Step], reader: RunReader) -> "RunLog":
@@ -118,6 +121,7 @@ class RunLog:
             if self.core_s is None:
                 self.core_s, self.utc_s = item.now_s, item.utc_s
             self._before_s, self.now_s = self.now_s, item.now_s - self.core_s
+            self._drift_s = item.utc_s - self.utc_s - self.now_s
         match item:
             case FactObserved(fact=Odometry(pose=pose)):
                 self._pose = pose
@@ -133,7 +137,9 @@ class RunLog:
                 if command.link not in OWN_LINKS:
                     self.sent.append(self._send(command))
             case ReportSent(report=report):
-                self.reports.append(report)
+                # A live simulation may be slower than UTC, which may also be set.
+                drift_s = self._drift_s if abs(self._drift_s) > _DRIFT_S else 0.0
+                self.reports.append(replace(report, utc_s=report.utc_s - drift_s))
             case Truth(time_s=time_s, pose=pose):
                 self.truths.append(TruePose(time_s - (self.core_s or 0.0), pose))
             case _:

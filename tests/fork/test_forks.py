@@ -15,6 +15,7 @@ from executive.core.recording import (
     Entry,
     FactObserved,
     ProcessStart,
+    ReportSent,
     SimulatedFaultChanged,
     SimulationItem,
     SimulationStarted,
@@ -201,6 +202,27 @@ def on_another_clock(recording: Path) -> Path:
                 item = replace(item, now_s=item.now_s + 86400.0)
             file.put(item)
     return path
+
+
+def test_times_of_a_slow_simulation_are_on_its_clock(
+    stuck: Path, run: Forkable, tmp_path: Path
+) -> None:
+    path, reader, recorded = tmp_path / "run.mcap", RunReader(stuck), run.recorded
+
+    def utc_s(exact_s: float) -> float:
+        return exact_s + 0.25 * (exact_s - recorded.record.start_utc_s)
+
+    with closing(RunFile(path)) as file:
+        for item in map(reader.decoded, reader.messages()):
+            if isinstance(item, Entry):
+                item = replace(item, utc_s=utc_s(item.utc_s))
+            elif isinstance(item, ReportSent):
+                item = replace(item, report=replace(item.report, utc_s=utc_s(item.report.utc_s)))
+            file.put(item)
+    found = Forkable(path).recorded.outcome.commands
+    assert [each.pose for each in found] == [each.pose for each in recorded.outcome.commands]
+    ends_s = [each.end_s for each in recorded.outcome.commands]
+    assert [each.end_s for each in found] == pytest.approx(ends_s, abs=1e-6)
 
 
 @pytest.mark.parametrize(
