@@ -41,7 +41,8 @@ def answer_lines(answer: WhatIf, changes: Change) -> Iterator[str]:
         yield f"{change}: no decision differs until the end of the recording"
         if all(each.kinds == recorded.kinds for each in answer.forks):
             return
-    yield from _difference(next(iter(differences), None))
+    exact = answer.fidelity is Fidelity.BIT_EQUAL
+    yield from _difference(next(iter(differences), None), "recorded" if exact else "unchanged")
     yield from _commands(recorded, answer.forks, change)
     for name, run in (("recorded", unchanged), (change, answer.forks[0])):
         contacts = "" if run.contacts is None else f", {run.contacts} contacts"
@@ -84,11 +85,11 @@ def _changes(change: Change) -> Iterator[str]:
     yield from (f"without {each}" for each in (*change.dropped, *change.without))
 
 
-def _difference(difference: FirstDifference | None) -> Iterator[str]:
+def _difference(difference: FirstDifference | None, other: str = "recorded") -> Iterator[str]:
     if difference is None:
         return
     yield f"first different decision after {difference.time_s:.2f} s: {difference.forked}"
-    yield f"  recorded: {difference.recorded}"
+    yield f"  {other}: {difference.recorded}"
     if difference.forked_why:
         yield f"  why: {difference.forked_why}"
     if difference.recorded_why not in ("", difference.forked_why):

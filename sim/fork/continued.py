@@ -61,6 +61,7 @@ class ContinuedLockStep(LockStep):
 
     Attributes:
         placing: how the rover was put there.
+        seam_s: time of the last recorded tick, since the first entry.
 
     Raises:
         RecordingError: the recording has no tick, or the core raises during its replay.
@@ -68,6 +69,7 @@ class ContinuedLockStep(LockStep):
     """
 
     placing: Placing
+    seam_s: float
     clock: _ForkedClock
     rover: PlacedRover
 
@@ -105,8 +107,9 @@ class ContinuedLockStep(LockStep):
         executive = self._core.continue_live(self._solver)
         executive.wake = self._wake
         self._seen = self.rover
-        self._steps = round((until_s - began_s) / tick_s) * round(tick_s / STEP_S)
-        ahead_s = until_s - began_s - self._steps * STEP_S
+        self.seam_s = until_s - began_s
+        self._steps = round(self.seam_s / tick_s) * round(tick_s / STEP_S)
+        ahead_s = self.seam_s - self._steps * STEP_S
         ahead_s = 0.0 if abs(ahead_s) < ALMOST_S else ahead_s
         self.clock = _ForkedClock(self._core, entries[0], ahead_s)
         self.clock.set(self._steps * STEP_S)

@@ -118,7 +118,7 @@ class Forkable:
             track=log.track(),
             lacks=self._lacks,
         )
-        return ForkRun(outcome, record, tuple(log.odometry))
+        return ForkRun(outcome, record, tuple(log.odometry), tuple(log.decisions))
 
     def fork(
         self,
@@ -138,11 +138,6 @@ class Forkable:
         Raises:
             SettingsError: the change does not fit the recording.
         """
-        return self._fork(change, at_s, seed, out)[0]
-
-    def _fork(
-        self, change: Change, at_s: float | None, seed: int | None = None, out: Path | None = None
-    ) -> tuple[ForkRun, RunLog]:
         log, simulation = RunLog(), self._simulation or Simulation(World(start=self._origin))
         scenario = Scenario(
             title="fork",
@@ -180,8 +175,8 @@ class Forkable:
                     contacts, placing, at_s = self._continue(*args)
             except LedgerError as error:
                 raise RecordingError(f"{self._path}: {error}") from error
-        difference, made = first_difference(self._log, log), self._run(log, scenario.timeline)
-        made.record.contacts = contacts
+        made = self._run(log, scenario.timeline)
+        made.record.contacts, difference = contacts, first_difference(self.recorded, made)
         outcome = replace(
             made.outcome,
             at_s=difference.time_s if difference and at_s is None else at_s,
@@ -190,7 +185,7 @@ class Forkable:
             contacts=contacts,
             first_difference=difference,
         )
-        return replace(made, outcome=outcome), log
+        return replace(made, outcome=outcome)
 
     def unchanged(
         self, at_s: float | None = None, assumed: Change | None = None
@@ -201,7 +196,7 @@ class Forkable:
             at_s: time of the fork; None for before the first command.
             assumed: world and seed that the recording lacks.
         """
-        run, log = self._fork(assumed or Change(), at_s)
+        run = self.fork(assumed or Change(), at_s)
         begin_s = run.outcome.at_s or 0.0
         if run.outcome.placing is not Placing.PHYSICS and (
             begin_s + self.settings.tick_s > self._log.now_s + ALMOST_S
@@ -210,7 +205,7 @@ class Forkable:
         # The last instant of a truncated file may be incomplete, and a live run ends by a call.
         is_complete = self._whole and TimelineStarted in self._log.kinds
         end_s = self._log.now_s + (ALMOST_S if is_complete else 0.0)
-        if log.until(end_s) == self._log.until(end_s):
+        if _until(run, end_s) == _until(self.recorded, end_s):
             return run, Fidelity.BIT_EQUAL
         same = run.outcome.kinds == self.recorded.outcome.kinds
         return run, Fidelity.SAME_OUTCOMES if same else Fidelity.DIFFERENT
@@ -239,14 +234,14 @@ class Forkable:
             lock = ContinuedLockStep(self._steps, settings, rover, latest_s, folder, sink)
         except ValueError as error:
             raise SettingsError(f"the rover cannot be simulated from there: {error}") from error
-        began_s, core_s = lock.time_s, self._log.core_s or 0.0
-        played = {i: s for i, s in self._played_s.items() if s <= began_s + ALMOST_S}
+        core_s = self._log.core_s or 0.0
+        played = {i: s for i, s in self._played_s.items() if s <= lock.seam_s + ALMOST_S}
         forked = run(scenario, lock, Record(self._log.utc_s, folder))
         for index, time_s in played.items():
             sink.put(TimelinePlayed(time_s + core_s, index))
         forked.continue_behind(played, self._log.contacts_s)
         lock.executive.simulate_crash()
-        return lock.rover.contacts, lock.placing, began_s
+        return lock.rover.contacts, lock.placing, lock.seam_s
 
     def _latest_s(self, timeline: Sequence[Entry], change: Change, at_s: float | None) -> float:
         """Return the latest time of the seam: before each entry that is changed or added."""
@@ -410,11 +405,15 @@ def whatif(
     forks: list[ForkOutcome] = []
     with tempfile.TemporaryDirectory(prefix="rover-fork-") as folder:
         file = Path(folder, "fork.mcap")
-        first = None if change == assumed else run.fork(change, at_s, out=file).outcome
-        unchanged, fidelity = run.unchanged(at_s if first is None else first.at_s, assumed)
+        first = None if change == assumed else run.fork(change, at_s, out=file)
+        begin_s = at_s if first is None else first.outcome.at_s
+        unchanged, fidelity = run.unchanged(begin_s, assumed)
         if first is not None and fidelity is not Fidelity.DIFFERENT:
-            forks.append(_explained(first, path, file))
-            forks += (run.fork(change, first.at_s, seed).outcome for seed in range(1, seeds))
+            # A live run decides later, by its disk, than any fork of it.
+            caused = first_difference(unchanged, first)
+            outcome = replace(first.outcome, first_difference=caused)
+            forks.append(_explained(outcome, path, file))
+            forks += (run.fork(change, begin_s, seed).outcome for seed in range(1, seeds))
             if out is not None:
                 move(file, out)
     return WhatIf(
@@ -424,6 +423,12 @@ def whatif(
         fidelity=fidelity,
         forks=tuple(forks),
     )
+
+
+def _until(run: ForkRun, end_s: float) -> tuple[list[object], list[object]]:
+    """Return the decisions and poses of a run before a time."""
+    poses = [each for each in run.record.poses if each.time_s < end_s]
+    return [each for each in run.decisions if each[0] < end_s], [*poses]
 
 
 def _assumption(change: Change) -> Change:

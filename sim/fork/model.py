@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from enum import Enum, unique
 from typing import Any
 
+from adapters.recording.replayed import RecordedMessage
 from executive.commands import PreemptionPolicy, Request
 from executive.settings import Controller, Settings
 from executive.values.geometry import Pose
@@ -135,11 +136,12 @@ class TrackPoint:
 
 @dataclass(frozen=True, slots=True)
 class FirstDifference:
-    """The first decision of a fork that differs from the recorded one.
+    """The first decision of a fork that differs from that of the run without a change.
 
     Attributes:
         topic: topic of the recording, such as `/out/velocity_commanded`.
-        recorded, forked: both decisions as text with figures; `nothing` for none.
+        recorded, forked: both decisions as text with figures; `nothing` for none. That of the fork
+            without a change is the recorded one if it is bit-equal.
         recorded_why, forked_why: the last cause in the explanation of the rover's state then, with
             its figures, as in `rover why`; set in answers.
     """
@@ -192,11 +194,13 @@ class ForkRun:
 
     Attributes:
         odometry: pose of the odometry at each tick.
+        decisions: every decision with its time.
     """
 
     outcome: ForkOutcome
     record: Record
     odometry: tuple[TruePose, ...]
+    decisions: tuple[tuple[float, RecordedMessage], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

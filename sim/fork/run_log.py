@@ -2,7 +2,7 @@
 
 from bisect import bisect_right
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Final
@@ -45,7 +45,7 @@ from executive.history import RunHistory
 from executive.values.facts import Odometry
 from executive.values.geometry import Pose
 from executive.values.reports import Identity, Report
-from sim.fork.model import CommandOutcome, FirstDifference, TrackPoint
+from sim.fork.model import CommandOutcome, FirstDifference, ForkRun, TrackPoint
 from sim.scenario.model import Crash, Send
 from sim.scenario.record import ALMOST_S, TruePose
 
@@ -175,11 +175,6 @@ class RunLog:
         points = ((each.time_s, each.pose) for each in self.odometry[::TRACK_TICKS])
         return tuple(TrackPoint(time_s, pose.x_m, pose.y_m) for time_s, pose in points)
 
-    def until(self, end_s: float) -> tuple[Sequence[object], Sequence[TruePose]]:
-        """Return decisions and true poses before a time."""
-        decisions = [each for each in self.decisions if each[0] < end_s]
-        return decisions, [each for each in self.truths if each.time_s < end_s]
-
     def outcomes(self) -> tuple[CommandOutcome, ...]:
         """Return the outcome of each command, in the order of their receipt."""
         histories = RunHistory(self.utc_s, tuple(self.reports)).command_histories()
@@ -209,22 +204,22 @@ class RunLog:
         return poses[index - 1].pose if index else None
 
 
-def first_difference(recorded: RunLog, forked: RunLog) -> FirstDifference | None:
-    """Return the first decision of a fork that differs from the recording, while both last.
+def first_difference(before: ForkRun, after: ForkRun) -> FirstDifference | None:
+    """Return the first decision of a run that differs from that of another, while both last.
 
     A trajectory problem is not one: its start is a measured pose, which differs in the last digits.
     """
-    until_s = min(recorded.now_s, forked.now_s)
-    then, now = _by_time(recorded, until_s), _by_time(forked, until_s)
+    until_s = min(before.outcome.end_s, after.outcome.end_s)
+    then, now = _by_time(before, until_s), _by_time(after, until_s)
     for time_s in sorted({*then, *now}):
         if (found := differing(then.get(time_s, ()), now.get(time_s, ()))) is not None:
             return FirstDifference(time_s, found.topic, found.recorded, found.replayed)
     return None
 
 
-def _by_time(log: RunLog, until_s: float) -> dict[float, list[RecordedMessage]]:
+def _by_time(run: ForkRun, until_s: float) -> dict[float, list[RecordedMessage]]:
     found: dict[float, list[RecordedMessage]] = defaultdict(list)
-    for time_s, message in log.decisions:
+    for time_s, message in run.decisions:
         if time_s <= until_s and message.topic.kind is not SolverRequested:
             found[time_s].append(message)
     return found
