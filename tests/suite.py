@@ -8,11 +8,11 @@ import subprocess
 import sys
 import time
 import uuid
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
-from itertools import chain, repeat
+from itertools import repeat
 from pathlib import Path
 from tempfile import TemporaryFile
 from types import FrameType
@@ -127,7 +127,9 @@ def _covered(*arguments: str) -> tuple[str, ...]:
     return _python("coverage", "run", "-m", "pytest", "-m", "not ros", *arguments)
 
 
-SECURITY: Final = CiCheck("pytest, security", (_covered(*SECURITY_TESTS),))
+SECURITY: Final = CiCheck(
+    "pytest, security", (_python("coverage", "erase"), _covered(*SECURITY_TESTS))
+)
 PATIENT: Final = ("-o", "faulthandler_timeout=3600")
 """Nothing hangs that waits for a processor."""
 CORE, SAFETY = (
@@ -137,13 +139,12 @@ CORE, SAFETY = (
 """Two processes, so that the last of them is not long alone."""
 SIMULATED: Final = CiCheck(
     "pytest, simulated",
-    ((*WHEN_IDLE, *_python(*_pytest("not ros", *PATIENT, *SIMULATED_TESTS))),),
+    ((*WHEN_IDLE, *_python("pytest", "-m", "not ros", *SLOWEST, *PATIENT, *SIMULATED_TESTS)),),
 )
 STATIC_CHECKS: Final = (
     CiCheck("ruff check", (_python("ruff", "check", "."),)),
     CiCheck("ruff format", (_python("ruff", "format", "--check", "."),)),
     CiCheck("import contracts", ((str(Path(sys.executable).with_name("lint-imports")),),)),
-    CiCheck("coverage begins", (_python("coverage", "erase"),)),
 )
 MYPY: Final = CiCheck("mypy", (_python("mypy"),))
 COVERAGE: Final = CiCheck(
@@ -358,28 +359,27 @@ def environment() -> dict[str, str]:
 
 
 def _carry_out_all() -> Iterator[CiCheckResult]:
-    """Yield outcomes; the tests that need no real time take what both long parts leave."""
+    """Yield outcomes; both long parts leave some time of the processors to other checks."""
     yield from map(_carry_out, STATIC_CHECKS)
     of_others = (*MEASURED, *SIMULATED_TESTS, *wholly_ros_files())
     ignored = (f"--ignore={path}" for path in of_others)
     # Many of these wait for others: clusters, orbiters, ION, a browser.
     rest = CiCheck("pytest", (_python(*_pytest("not ros", *ignored, workers=3)),))
+    yield from _carry_out_beside(rest, MYPY, SECURITY)
     # In real time: two busy files at once, and two that wait for motions and discovery. Nothing
     # runs beside them that they would have to wait for.
     ros, waiting = (
         CiCheck(name, (_python(*_pytest("ros"), *ros_files(busy=busy)),))
         for name, busy in (("pytest, ros", True), ("pytest, waiting", False))
     )
-    first = _carry_out_beside(map(_carry_out, (rest,)), MYPY, SECURITY)
-    second = _carry_out_beside(map(_carry_out, (ros,)), waiting)
-    yield from _carry_out_beside(chain(first, second), CORE, SIMULATED, SAFETY, at_once=2)
+    yield from _carry_out_beside(ros, waiting, CORE, SIMULATED, SAFETY, at_once=3)
     yield _carry_out(COVERAGE)
 
 
 def _carry_out_beside(
-    results: Iterable[CiCheckResult], *others: CiCheck, at_once: int = 1
+    check: CiCheck, *others: CiCheck, at_once: int = 1
 ) -> Iterator[CiCheckResult]:
-    """Yield results as they are asked for, then those of others, which run beside in their order.
+    """Yield the outcome of a check, then those of others, which run beside it in their order.
 
     Args:
         at_once: how many of the others.
@@ -387,7 +387,7 @@ def _carry_out_beside(
     with ExitStack() as files, ThreadPoolExecutor(at_once) as pool:
         outputs = [files.enter_context(TemporaryFile()) for _ in others]
         beside = list(map(pool.submit, repeat(_judge), others, outputs))
-        yield from results
+        yield _carry_out(check)
         for other, output, outcome in zip(others, outputs, beside, strict=True):
             result = outcome.result()
             click.secho(_headline(other.name), bold=True)

@@ -96,8 +96,7 @@ def test_checks_beside_another_report_after_it(capfd: pytest.CaptureFixture[str]
         return suite.CiCheck(name, ((sys.executable, "-c", code),))
 
     first, second = check("first", "print('of the first')"), check("second", "exit(1)")
-    results = map(suite._carry_out, [check("long", "print('long')")])
-    outcomes = list(suite._carry_out_beside(results, first, second))
+    outcomes = list(suite._carry_out_beside(check("long", "print('long')"), first, second))
     found = [(each.name, each.passed) for each in outcomes]
     assert found == [("long", True), ("first", True), ("second", False)]
     written = capfd.readouterr().out
@@ -121,9 +120,8 @@ def test_checks_beside_another_run_at_once(tmp_path: Path) -> None:
         paths = (str(tmp_path / name) for name in names)
         return suite.CiCheck("meets", ((sys.executable, "-c", MEET, *paths),))
 
-    results = map(suite._carry_out, [check("a", "b")])
-    beside = (check("b", "c"), check("c", "a"))
-    assert all(each.passed for each in suite._carry_out_beside(results, *beside, at_once=2))
+    checks = (check("a", "b"), check("b", "c"), check("c", "a"))
+    assert all(each.passed for each in suite._carry_out_beside(*checks, at_once=2))
 
 
 DETACHED = """
@@ -139,8 +137,7 @@ from tests import suite
 from tests.suite import CiCheck, test
 check = CiCheck("dummy", ((sys.executable, "-c", sys.argv.pop()),))
 queued = CiCheck("queued", ((sys.executable, "-c", f"open({sys.argv.pop()!r}, 'w')"),))
-results = map(suite._carry_out, [check])
-suite._carry_out_all = lambda: suite._carry_out_beside(results, check, queued)
+suite._carry_out_all = lambda: suite._carry_out_beside(check, check, queued)
 test(standalone_mode=False)
 """
 
