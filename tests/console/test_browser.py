@@ -81,7 +81,7 @@ def test_a_command_is_previewed_sent_and_executed_and_the_rover_moves_on_the_map
     command = commands(page, "moveTo").first
     expect(command).to_have_attribute("data-state", "started")
     expect(command.locator("[data-stage=EXECUTED]")).to_have_attribute("data-reached", "false")
-    expect(page.locator(".rover-bar .doing")).to_have_text(re.compile(r"^moveTo: .* left$"))
+    expect(page.locator(".rover-bar .doing")).to_have_text(re.compile(r"^moveTo: .* remaining$"))
     expect(marker).to_have_attribute("data-x", re.compile(r"^0\.[3-9]"))
     page.screenshot(path=picture("console"))
     expect(command).to_have_attribute("data-state", "executed")
