@@ -508,7 +508,7 @@ class BenchBesideRelay(Bench):
         return ledger
 
 
-def test_a_run_is_replayed_whose_ledger_was_written_before_its_start(tmp_path: Path) -> None:
+def test_a_ledger_with_batches_from_before_the_start_is_replayed(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     with closing(RunFile(path)) as tape, BenchBesideRelay(tmp_path, tape=tape) as bench:
         SlowDisk(bench).commit_s = 0.12
