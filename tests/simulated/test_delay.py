@@ -144,6 +144,25 @@ def test_a_first_command_with_a_precondition_waits_for_the_directory() -> None:
     assert session.ends == [Stage.EXECUTED]
 
 
+def executed_with_a_loss(
+    session: Session,
+    work: Callable[[MrsClient], Awaitable[None]],
+    lost_s: float,
+    back_s: float,
+    until_s: float,
+) -> float:
+    """Run a client that ends a command while the link is lost for a time; return the start."""
+    settings = patient_settings(ADDRESS.asset)
+    with delayed_world(LinkConditions(10.0), RoverBelow(), settings) as world:
+        world.process("ground", HOST, partial(session.start, work)).begin()
+        world.at(lost_s, world.processes["link"].kill)
+        world.at(back_s, world.processes["link"].begin)
+        world.run(until_s)
+        assert world.errors == []
+    assert session.ends == [Stage.EXECUTED]
+    return world.start_utc_s
+
+
 def test_a_link_lost_soon_after_the_directorys_answer_is_restored() -> None:
     session = Session(10.0)
 
@@ -153,14 +172,7 @@ def test_a_link_lost_soon_after_the_directorys_answer_is_restored() -> None:
         session.ends = [(await client.run(client.command(Stop()))).stage]
         assert client.delay.round_trip_s == pytest.approx(10.0, abs=0.1)
 
-    settings = patient_settings(ADDRESS.asset)
-    with delayed_world(LinkConditions(10.0), RoverBelow(), settings) as world:
-        world.process("ground", HOST, partial(session.start, work)).begin()
-        world.at(15.0, world.processes["link"].kill)
-        world.at(15.5, world.processes["link"].begin)
-        world.run(150.0)
-        assert world.errors == []
-    assert session.ends == [Stage.EXECUTED]
+    executed_with_a_loss(session, work, 15.0, 15.5, 150.0)
 
 
 def test_after_a_loss_a_stop_arrives_one_light_time_after_the_new_connection() -> None:
@@ -172,15 +184,8 @@ def test_after_a_loss_a_stop_arrives_one_light_time_after_the_new_connection() -
         session.ends = [stop.stage]
         session.times_s["arrived"] = stop.reports[0].utc_s
 
-    settings = patient_settings(ADDRESS.asset)
-    with delayed_world(LinkConditions(10.0), RoverBelow(), settings) as world:
-        world.process("ground", HOST, partial(session.start, work)).begin()
-        world.at(50.0, world.processes["link"].kill)
-        world.at(51.0, world.processes["link"].begin)
-        world.run(95.0)
-        assert world.errors == []
-    assert session.ends == [Stage.EXECUTED]
-    assert session.times_s["arrived"] - world.start_utc_s < 51.0 + 5.0 + 0.5
+    start_utc_s = executed_with_a_loss(session, work, 50.0, 51.0, 95.0)
+    assert session.times_s["arrived"] - start_utc_s < 51.0 + 5.0 + 0.5
 
 
 def test_without_a_rover_behind_the_link_a_client_learns_it() -> None:
