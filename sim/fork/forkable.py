@@ -425,10 +425,10 @@ def whatif(
     )
 
 
-def _until(run: ForkRun, end_s: float) -> tuple[list[object], list[object]]:
+def _until(run: ForkRun, end_s: float) -> tuple[Sequence[object], Sequence[object]]:
     """Return the decisions and poses of a run before a time."""
-    poses = [each for each in run.record.poses if each.time_s < end_s]
-    return [each for each in run.decisions if each[0] < end_s], [*poses]
+    decisions = [each for each in run.decisions if each[0] < end_s]
+    return decisions, [each for each in run.record.poses if each.time_s < end_s]
 
 
 def _assumption(change: Change) -> Change:

@@ -141,6 +141,19 @@ def test_a_recording_of_another_seed_has_the_same_outcomes(stuck: Path, tmp_path
     assert other.unchanged()[1] is Fidelity.SAME_OUTCOMES
 
 
+def test_the_first_difference_of_an_inexact_fork_is_that_of_its_change(
+    stuck: Path, tmp_path: Path
+) -> None:
+    change = Change(settings=(Override("drive.travel_speed", "0.6"),))
+    answer = whatif(rewritten(stuck, tmp_path / "run.mcap", seed=7), change)
+    noise, caused = answer.unchanged.first_difference, answer.forks[0].first_difference
+    assert answer.fidelity is Fidelity.SAME_OUTCOMES
+    assert noise is not None
+    assert caused is not None
+    assert noise.time_s < caused.time_s, "other noise differs from the recording before"
+    assert caused.forked.startswith("velocity 0.60 m/s")
+
+
 def test_a_recording_without_a_timeline_is_continued_from_its_state(
     stuck: Path, tmp_path: Path
 ) -> None:
